@@ -43,9 +43,9 @@ def pairs(search: GoalSearch, frame: UInt8Array) -> object:
     return list(itertools.islice(search.proposals(search.picture(frame)), 2))
 
 
-def first_goal(search: GoalSearch, frame: UInt8Array) -> Candidate | None:
-    """Find the likeliest goal."""
-    return next(search.candidates(search.picture(frame)), None)
+def candidates(search: GoalSearch, frame: UInt8Array) -> tuple[list[Candidate], str]:
+    """Find goals."""
+    return search.candidates(search.picture(frame))
 
 
 @program()
@@ -67,7 +67,7 @@ def main(arguments: Namespace) -> None:
         if search.families:
             stages.append(("masks of both hues", partial(masks, search)))
         stages.append(("masks, posts, pairs", partial(pairs, search)))
-        stages.append(("goal search", partial(first_goal, search)))
+        stages.append(("goal search", partial(candidates, search)))
         stages.append(("whole locate()", estimator.locate))
         for stage, call in stages:
             typical = float(np.median([warm_median_s(partial(call, f), repeats) for f in frames]))
@@ -75,8 +75,9 @@ def main(arguments: Namespace) -> None:
             ok = typical / unit <= max_ratio
             target, says = (max_ratio, verdict(ok)) if judged else (None, None)
             table.row(stage, 1e3 * typical, typical / unit, target, says)
-        c = first_goal(search, frames[0])
-        if c is not None:
+        found = candidates(search, frames[0])[0]
+        if found:
+            c = found[0]
             appearance = next(iter(search.proposals(search.picture(frames[0])))).appearance
             refining = partial(refine, frames[0], condition.camera, c.model, c.fit.unknowns, appearance)
             once = warm_median_s(refining, 5 * repeats)

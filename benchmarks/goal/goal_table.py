@@ -186,8 +186,8 @@ def measure(job: tuple[str, int, tuple[int, ...]]) -> list[dict[str, Score]]:
     )
     rows = []
     for s in pictures:
-        goal = max(search.candidates(search.picture(s.frame)), key=lambda one: one.nats, default=None)
-        pixels = None if goal is None else corners(goal, condition.camera.height_m)
+        candidates, _ = search.candidates(search.picture(s.frame))
+        pixels = corners(candidates[0], condition.camera.height_m) if candidates else None
         row = {}
         for method, estimator in ((OURS, direct), (ANGLES, angles), (CLOSED, closed)):
             estimate = estimator.locate(s.frame)
@@ -197,9 +197,7 @@ def measure(job: tuple[str, int, tuple[int, ...]]) -> list[dict[str, Score]]:
             estimate = alone.locate(shown.frame)
             row[ALONE] = score(estimate.pose, shown.pose, estimate.covariance) if estimate else MISSED
         for method, flag in (("IPPE", cv2.SOLVEPNP_IPPE), ("SQPNP", cv2.SOLVEPNP_SQPNP)):
-            pose = None
-            if goal is not None and pixels is not None:
-                pose = solver(pixels, goal, condition.camera.height_m, flag)
+            pose = None if pixels is None else solver(pixels, candidates[0], condition.camera.height_m, flag)
             row[method] = score(pose, s.pose)
         rows.append(row)
     return rows

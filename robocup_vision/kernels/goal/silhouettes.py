@@ -28,7 +28,7 @@ _HALF_STEP = math.tan(math.pi / 8)
 _ENDS = 12
 _OUTER_FEET = (0, 6)
 _OTHER_ENDS = (1, 2, 3, 4, 5, 7, 8, 9, 10, 11)
-SAMPLES = 10  # of an edge, and of the axis of a post or of the bar
+_SAMPLES = 10
 # cells, and a factor of half a view, by which a goal may be said to be in view until its points are projected
 _MARGIN = 3.0
 _SLACK = 1.2
@@ -169,11 +169,11 @@ def _edges_nats(levels: UInt8Array, nats: FloatArray, points: FloatArray) -> flo
     total = 0.0
     for e in range(6):
         u, v = points[2 * e, 0], points[2 * e, 1]
-        along, down = (points[2 * e + 1, 0] - u) / SAMPLES, (points[2 * e + 1, 1] - v) / SAMPLES
+        along, down = (points[2 * e + 1, 0] - u) / _SAMPLES, (points[2 * e + 1, 1] - v) / _SAMPLES
         direction = _direction(along, down)
         # rounded by cutting off
         u, v = u + 0.5 * along + 0.5, v + 0.5 * down + 0.5
-        for _ in range(SAMPLES):
+        for _ in range(_SAMPLES):
             if u >= 0.0 and v >= 0.0 and u < columns and v < rows:
                 bits = levels[int(v), int(u)] >> direction
                 total += nats[direction, (bits & 1) + ((bits >> 4) & 1)]
@@ -190,10 +190,10 @@ def _paint_nats(paint: npt.NDArray[np.float32], points: FloatArray) -> float:
     for element in range(3):
         n = 4 * element
         u, v = 0.5 * (points[n, 0] + points[n + 2, 0]), 0.5 * (points[n, 1] + points[n + 2, 1])
-        along = (0.5 * (points[n + 1, 0] + points[n + 3, 0]) - u) / SAMPLES
-        down = (0.5 * (points[n + 1, 1] + points[n + 3, 1]) - v) / SAMPLES
+        along = (0.5 * (points[n + 1, 0] + points[n + 3, 0]) - u) / _SAMPLES
+        down = (0.5 * (points[n + 1, 1] + points[n + 3, 1]) - v) / _SAMPLES
         u, v = u + 0.5 * along + 0.5, v + 0.5 * down + 0.5
-        for _ in range(SAMPLES):
+        for _ in range(_SAMPLES):
             if u >= 0.0 and v >= 0.0 and u < columns and v < rows:
                 total += paint[int(v), int(u)]
             u += along

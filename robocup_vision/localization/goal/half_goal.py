@@ -75,7 +75,7 @@ def find_half_goal(
                 if best is None or seen.score > best.fit.score:
                     # the prior chooses the side, and is no evidence of it
                     sides = (side, *(other for other in proposal.sides if other != side))
-                    best = Candidate(seen, sides, proposal.model, proposal.appearance, seen.score)
+                    best = Candidate(seen, sides, proposal.model, proposal.appearance, seen.score, False)
     return best
 
 

@@ -84,7 +84,8 @@ class GoalPoseEstimator:
         """Locate the camera as `locate` does, with its tilt, roll and height and what was measured."""
         self._check(frame)
         picture = self._search.picture(plain_frame(frame))
-        found = self._verdict.locate(picture, self._search.candidates(picture))
+        candidates, reason = self._search.candidates(picture)
+        found = self._verdict.locate(picture, candidates) if candidates else NotLocated(reason)
         if prior is None or not isinstance(found, NotLocated):
             return found
         part = find_half_goal(self._search, picture, prior, self.settings.prior)

@@ -56,9 +56,8 @@ class SearchSettings:
     #: from the far end of the field
     width_px: int = 208
     glare: float = 235.0  #: samples brighter than this, of paint half washed white, are dropped
-    #: fraction of the greatest evidence of a goal in full view from which nothing else in a picture is a likelier one
-    settled_ratio: float = 0.65
-    max_candidates: int = 6  #: of goals found together, the best ones that are yielded: weighing each takes time
+    #: score from which the search ends: edges of clutter agree with a goal in half of their places at most
+    clear_score: float = 0.8
     min_score: float = 0.3  #: candidates below are dropped: weighing each takes time
     #: evidence, nats, of edges of a silhouette that all lie at their places to a fraction of a pixel, in addition to
     #: that of their presence
@@ -83,6 +82,7 @@ class Candidate:
     model: GoalModel  #: of its fit
     appearance: EdgeAppearance
     nats: float  #: log-likelihood ratio of the goal to clutter, by which several are ordered
+    is_clear: bool  #: whether its edges agree so well that the search may end
 
 
 class Proposal(NamedTuple):
@@ -131,64 +131,36 @@ class GoalSearch:
         factor = max(1, round(self.camera.size_px[0] / self.settings.width_px))
         return GoalPicture(frame, factor, self.families, self.settings.colors, self._silhouettes, self.settings.shaded)
 
-    def candidates(self, picture: GoalPicture) -> Iterator[Candidate]:
-        """Yield goals that may be in a picture, each found when it is asked for.
-
-        Those that paint shows come first, then those of silhouettes. Of what is found together the best comes first.
-        """
-        before: list[Candidate] = []
-        for found in itertools.chain(self._by_paint(picture), self._by_silhouettes(picture)):
-            found.sort(key=lambda one: -one.nats)
-            distinct = self._distinct([*before, *found], [one.fit.unknowns for one in (*before, *found)])
-            new = distinct[len(before) :][: self.settings.max_candidates]
-            yield from new
-            before += new
-
-    def _by_paint(self, picture: GoalPicture) -> Iterator[list[Candidate]]:
-        """Yield goals between posts that look like them, whenever the last one has nearly all evidence of a goal."""
+    def candidates(self, picture: GoalPicture) -> tuple[list[Candidate], str]:
+        """Goals that may be in a picture, distinct ones, best first; and why there is none if there is none."""
         found: list[Candidate] = []
-        for proposal in self.proposals(picture):
-            for left, right in proposal.pairs:
-                for one in self._fits(picture.frame, left, right, proposal):
-                    new = self._judged(picture, one, proposal)
-                    found += new
-                    if any(self._is_settled(picture, one) for one in new):
-                        yield found
-                        found = []
-        yield found
-
-    def _by_silhouettes(self, picture: GoalPicture) -> Iterator[list[Candidate]]:
-        """Yield goals that paint alone does not show: washed by lamps, or before something of a neighbouring hue."""
-        if not self.families:
-            return
-        paint, carpet = picture.masks
-        straight = picture.straight_masks
-        # the hue of a goal in view covers more of the picture than the other one
-        for color in sorted(self.families, key=lambda one: -cv2.countNonZero(straight.paint[one])):
-            proposal = self._of_hue(color, paint[color], carpet, [], picture.factor)
-            appearance = replace(proposal.appearance, paint=picture.washable(color))
-            proposal = proposal._replace(appearance=appearance)
-            found: list[Candidate] = []
-            for _, start in self._silhouettes.propose(picture.gradients, straight.paint[color], straight.carpet):
-                one = refine(picture.frame, self.camera, proposal.model, start, appearance)
-                found += [] if one is None else self._judged(picture, one, proposal)
-            yield found
+        reason = "no goal: nothing in the picture looks like two posts"
+        pairs = ((proposal, *pair) for proposal in self.proposals(picture) for pair in proposal.pairs)
+        for proposal, left, right in pairs:
+            fits = self._fits(picture.frame, left, right, proposal)
+            if not fits:
+                reason = "no goal: two posts may be there, but no bar that fits them"
+            found += self._judged(picture, fits, proposal)
+            if any(c.is_clear for c in found):
+                break
+        if self.families and not any(c.is_clear for c in found):
+            found += self.by_silhouettes(picture)
+        found.sort(key=lambda c: -c.nats)
+        return self._distinct(found, [c.fit.unknowns for c in found]), reason
 
     def _distinct(self, found: list[_Found], unknowns: list[FloatArray]) -> list[_Found]:
         """Return of what was found for cameras (N, 8) what is not of a place before it."""
         poses = np.array(unknowns).reshape(-1, UNKNOWNS)[:, [X, Y, HEADING]]
         return [found[k] for k in self.settings.apart.first(poses, len(found))]
 
-    def _judged(self, picture: GoalPicture, found: GoalFit, proposal: Proposal) -> list[Candidate]:
-        if found.score <= self.settings.min_score:
-            return []
-        one = Candidate(found, proposal.sides, proposal.model, proposal.appearance, 0.0)
-        return [replace(one, nats=self.nats(picture, one, found.unknowns))]
-
-    def _is_settled(self, picture: GoalPicture, one: Candidate) -> bool:
-        """Whether a camera that can stand there sees nearly all evidence of a goal."""
-        most = self.most_nats(picture, one.sides)
-        return one.nats >= self.settings.settled_ratio * most and self.is_possible(one.fit.unknowns)
+    def _judged(self, picture: GoalPicture, fits: list[GoalFit], proposal: Proposal) -> list[Candidate]:
+        judged = []
+        for found in fits:
+            if found.score > self.settings.min_score:
+                is_clear = found.score > self.settings.clear_score and self.is_possible(found.unknowns)
+                one = Candidate(found, proposal.sides, proposal.model, proposal.appearance, 0.0, is_clear)
+                judged.append(replace(one, nats=self.nats(picture, one, found.unknowns)))
+        return judged
 
     def is_possible(self, unknowns: FloatArray) -> bool:
         """Whether a camera (8,) stands on the pitch or beside it."""
@@ -210,6 +182,23 @@ class GoalSearch:
             pairs = self._pairs([s for s in found if math.isfinite(s.foot)])
             yield Proposal(sides, found, pairs, picture.whiteness, carpet, 1, self.white_model, appearance)
 
+    def by_silhouettes(self, picture: GoalPicture) -> list[Candidate]:
+        """Goals that paint alone does not show: washed by lamps, or before something of a neighbouring hue."""
+        paint, carpet = picture.masks
+        straight = picture.straight_masks
+        found: list[Candidate] = []
+        # the hue of a goal in view covers more of the picture than the other one
+        for color in sorted(self.families, key=lambda one: -cv2.countNonZero(straight.paint[one])):
+            proposal = self._of_hue(color, paint[color], carpet, [], picture.factor)
+            appearance = replace(proposal.appearance, paint=picture.washable(color))
+            proposal = proposal._replace(appearance=appearance)
+            for _, start in self._silhouettes.propose(picture.gradients, straight.paint[color], straight.carpet):
+                fit = refine(picture.frame, self.camera, proposal.model, start, appearance)
+                found += [] if fit is None else self._judged(picture, [fit], proposal)
+            if any(one.is_clear for one in found):
+                break
+        return found
+
     def nats(self, picture: GoalPicture, candidate: Candidate, unknowns: FloatArray) -> float:
         """Log-likelihood ratio of a picture to clutter if a camera (8,) sees the goal; minus infinity behind it."""
         nats = self._silhouettes.nats(picture.evidence(self._color_of(candidate.sides)), unknowns)
@@ -218,10 +207,6 @@ class GoalSearch:
         fit = candidate.fit
         score = agreement(fit.samples, residuals(candidate.model, fit.samples, unknowns), fit.settings)
         return nats + self.settings.exact_nats * score
-
-    def most_nats(self, picture: GoalPicture, sides: tuple[int, ...]) -> float:
-        """Log-likelihood ratio of a goal in full view, all of whose edges and paint lie where a camera has them."""
-        return self._silhouettes.most_nats(picture.evidence(self._color_of(sides))) + self.settings.exact_nats
 
     def washable(self, picture: GoalPicture, sides: tuple[int, ...], unknowns: FloatArray) -> FloatArray:
         """Measure the fractions (3,) of left post, bar and right post that may be paint, for a camera (8,)."""
@@ -267,8 +252,8 @@ class GoalSearch:
         pairs.sort(key=lambda pair: -pair[0])
         return [(a, b) for _, a, b in pairs[: self.settings.max_pairs]]
 
-    def _fits(self, frame: UInt8Array, left: Strip, right: Strip, proposal: Proposal) -> Iterator[GoalFit]:
-        """Yield fits to a pair of strips, one for each row that the bar may be in."""
+    def _fits(self, frame: UInt8Array, left: Strip, right: Strip, proposal: Proposal) -> list[GoalFit]:
+        """Fits to a pair of strips, best first, one for each row that the bar may be in."""
         model, appearance = proposal.model, proposal.appearance
         samples = strip_samples(self.camera, ((0, left), (1, right)))
         rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
@@ -276,7 +261,8 @@ class GoalSearch:
         # where two starts came to the same place, one goes on
         rough = self._distinct(rough, [r[0] for r in rough])
         if not rough:
-            return
+            return []
+        found: list[GoalFit] = []
         posts_only = min(rough, key=lambda r: r[1])[0]
         for bar in bar_rows(proposal.paint, proposal.scale, model, posts_only, 3):
             joint = with_bar(samples, bar)
@@ -285,5 +271,7 @@ class GoalSearch:
             if not math.isfinite(cost):
                 continue
             one = refine(frame, self.camera, model, start, appearance, 3.0 * max(1.0, proposal.scale / 1.5))
-            if one is not None:
-                yield one
+            found += [] if one is None else [one]
+            if one is not None and one.score > self.settings.clear_score:
+                break  # no other bar row fits better
+        return sorted(found, key=lambda f: -f.score)

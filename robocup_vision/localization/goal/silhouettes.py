@@ -19,9 +19,7 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.picture import GoalScene
-from robocup_vision.kernels.goal.sections import MEMBERS
 from robocup_vision.kernels.goal.silhouettes import (
-    SAMPLES,
     Cameras,
     Evidence,
     Int32Array,
@@ -34,7 +32,7 @@ from robocup_vision.kernels.goal.silhouettes import (
 from robocup_vision.localization.distinct import Apart
 from robocup_vision.localization.goal.edges import from_ideal
 from robocup_vision.localization.goal.fit import GoalModel
-from robocup_vision.localization.goal.geometry import EDGES, HEADING, HEIGHT, ROLL, TILT, UNKNOWNS, X, Y
+from robocup_vision.localization.goal.geometry import HEADING, HEIGHT, ROLL, TILT, UNKNOWNS, X, Y
 
 _DIRECTIONS = 4
 # of a cell's 255, what makes it painted
@@ -203,10 +201,6 @@ class SilhouetteSearch:
     def nats(self, seen: Evidence, unknowns: FloatArray) -> float:
         """Evidence that a whole picture shows the goal where a camera (8,) has it; minus infinity behind the camera."""
         return float(silhouette_nats(self._scene, seen, unknowns))
-
-    def most_nats(self, seen: Evidence) -> float:
-        """Evidence of a goal whose edges all lie where a camera has them, in their paint."""
-        return float(SAMPLES * (EDGES * seen.edge_nats[:, -1].mean() + MEMBERS * seen.paint_nats.max()))
 
     def evidence(self, edges: Edges, paint: UInt8Array, carpet: UInt8Array) -> Evidence:
         """Weigh edges, paint and carpet of a picture; the masks may be of another size than the edges."""

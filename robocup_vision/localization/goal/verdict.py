@@ -8,7 +8,7 @@ reduce one of them.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,10 +28,13 @@ from robocup_vision.localization.lines.line_map import LineMap
 class VerdictSettings:
     """Settings of `GoalVerdict`."""
 
+    max_candidates: int = 6  #: candidates that are fitted together with lines, the likeliest first
     #: log-likelihood ratio from which a goal is accepted. Rendered half goals and boxes reach 230, whole goals in heavy
     #: glare 289 and more.
     min_nats: float = 260.0
     min_line_nats: float = -30.0  #: least log-likelihood ratio of lines: paint wears off, and others stand on it
+    #: fraction of the greatest evidence of all predicted lines from which a clear goal ends the search
+    confirming_ratio: float = 0.75
     #: least fraction of each post and the bar that is the goal's paint, washed white or not: others hide the rest
     min_washable: float = 0.9
     #: unit of differences between cameras: errors of neighbouring samples of an edge or line are correlated
@@ -54,26 +57,22 @@ class GoalVerdict:
             line_settings = replace(line_settings, marks=marks)
         self._lines = None if line_map is None else GoalLines(line_map, search.camera, line_settings)
 
-    def locate(self, picture: GoalPicture, candidates: Iterable[Candidate]) -> CameraEstimate | NotLocated:
-        """Return the likeliest camera that sees one of the candidates; it takes no more of them than it needs."""
-        least, settled = self._settings.min_nats, self._search.settings.settled_ratio
+    def locate(self, picture: GoalPicture, candidates: list[Candidate]) -> CameraEstimate | NotLocated:
+        """Return the likeliest camera that sees one of the candidates, the best of which comes first."""
         judged: list[tuple[float, CameraEstimate]] = []
-        are_none = True
-        for candidate in candidates:
-            are_none = is_settled = False
+        for candidate in candidates[: self._settings.max_candidates]:
+            is_confirmed = False
             for camera in self._cameras(picture, candidate):
-                nats, most = self._nats(picture, candidate, camera)
+                nats, confirmed = self._nats(picture, candidate, camera)
                 judged.append((nats, camera))
-                is_settled |= nats >= max(least, settled * most)
-            if is_settled:
+                is_confirmed |= nats >= self._settings.min_nats and confirmed
+            if candidate.is_clear and is_confirmed:
                 break
-        if are_none:
-            return NotLocated("no goal: nothing in the picture looks like two posts with a bar that fits them")
         if not judged:
             return NotLocated("no whole goal: no camera on the pitch would see what looks like one, unhidden")
         nats = max(nats for nats, _ in judged)
-        if nats < least:
-            ratio = f"log-likelihood ratio {nats:.0f} of the {least:.0f} that are needed"
+        if nats < self._settings.min_nats:
+            ratio = f"log-likelihood ratio {nats:.0f} of the {self._settings.min_nats:.0f} that are needed"
             return NotLocated(f"no certain goal: what looks like one reaches a {ratio}")
         # of cameras that the picture hardly separates the most certain one: lines fix it better than the silhouette
         alike = [one for other, one in judged if other >= nats - self._settings.correlation_nats]
@@ -99,14 +98,13 @@ class GoalVerdict:
             if is_whole and search.is_possible(one.unknowns):
                 yield one
 
-    def _nats(self, picture: GoalPicture, candidate: Candidate, camera: CameraEstimate) -> tuple[float, float]:
-        """Log-likelihood ratio of goal and lines, where a camera has them, to clutter, and its maximum."""
+    def _nats(self, picture: GoalPicture, candidate: Candidate, camera: CameraEstimate) -> tuple[float, bool]:
+        """Log-likelihood ratio of goal and lines, where a camera has them, to clutter; whether lines confirm it."""
         nats = self._search.nats(picture, candidate, camera.unknowns)
-        most = self._search.most_nats(picture, candidate.sides)
         if self._lines is None:
-            return nats, most
-        of_lines, most_of_lines = self._lines.nats(picture.frame, candidate.model, camera.unknowns)
-        return nats + max(of_lines, self._settings.min_line_nats), most + most_of_lines
+            return nats, True
+        of_lines, most = self._lines.nats(picture.frame, candidate.model, camera.unknowns)
+        return nats + max(of_lines, self._settings.min_line_nats), of_lines >= self._settings.confirming_ratio * most
 
 
 def with_spread(

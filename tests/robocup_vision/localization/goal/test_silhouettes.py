@@ -78,4 +78,6 @@ def test_a_picture_without_edges_or_paint_proposes_nothing_that_fits():
     assert all(
         nats < 0 for nats, _ in silhouettes.propose(silhouettes.gradients(frame), *np.zeros((2, 320, 416), np.uint8))
     )
-    assert not list(search.candidates(search.picture(frame)))
+    candidates, reason = search.candidates(search.picture(frame))
+    assert candidates == []
+    assert reason.startswith("no goal")
