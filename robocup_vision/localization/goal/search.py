@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.goal.paint.strips import mean_along
 from robocup_vision.localization.distinct import Apart
+from robocup_vision.localization.goal.arc import turned
 from robocup_vision.localization.goal.edges import EdgeAppearance, from_ideal
 from robocup_vision.localization.goal.fit import (
     GoalFit,
@@ -30,7 +31,7 @@ from robocup_vision.localization.goal.fit import (
 from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y, goal_shape, project
 from robocup_vision.localization.goal.goal_picture import WHITE, GoalPicture
 from robocup_vision.localization.goal.silhouettes import SilhouetteSearch
-from robocup_vision.localization.goal.starts import bar_rows, starts, strip_samples, with_bar
+from robocup_vision.localization.goal.starts import bar_rows, start_by_posts, strip_samples, with_bar
 from robocup_vision.perception.goal_region import (
     GoalColorSettings,
     Strip,
@@ -45,7 +46,6 @@ from robocup_vision.perception.goal_region import (
 )
 
 _START_SCALES = np.full(8, 100.0)
-_Found = TypeVar("_Found")
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,12 +146,12 @@ class GoalSearch:
         if self.families and not any(c.is_clear for c in found):
             found += self.by_silhouettes(picture)
         found.sort(key=lambda c: -c.nats)
-        return self._distinct(found, [c.fit.unknowns for c in found]), reason
+        return [found[k] for k in self._distinct([c.fit.unknowns for c in found])], reason
 
-    def _distinct(self, found: list[_Found], unknowns: list[FloatArray]) -> list[_Found]:
-        """Return of what was found for cameras (N, 8) what is not of a place before it."""
-        poses = np.array(unknowns).reshape(-1, UNKNOWNS)[:, [X, Y, HEADING]]
-        return [found[k] for k in self.settings.apart.first(poses, len(found))]
+    def _distinct(self, cameras: list[FloatArray]) -> list[int]:
+        """Return which of some cameras (8,) have no other before them at the same place."""
+        poses = np.array(cameras).reshape(-1, UNKNOWNS)[:, [X, Y, HEADING]]
+        return self.settings.apart.first(poses, len(cameras))
 
     def _judged(self, picture: GoalPicture, fits: list[GoalFit], proposal: Proposal) -> list[Candidate]:
         judged = []
@@ -253,25 +253,32 @@ class GoalSearch:
         return [(a, b) for _, a, b in pairs[: self.settings.max_pairs]]
 
     def _fits(self, frame: UInt8Array, left: Strip, right: Strip, proposal: Proposal) -> list[GoalFit]:
-        """Fits to a pair of strips, best first, one for each row that the bar may be in."""
+        """Fits to a pair of strips: one for each row that the bar may be in, and the best one's other branch."""
         model, appearance = proposal.model, proposal.appearance
         samples = strip_samples(self.camera, ((0, left), (1, right)))
-        rough = [fit(model, samples, start, _START_SCALES) for start in starts(model, left, right)]
-        rough = [r for r in rough if math.isfinite(r[1]) and r[0][X] < self.shape.line_x_m - self.settings.edge_on_m]
-        # where two starts came to the same place, one goes on
-        rough = self._distinct(rough, [r[0] for r in rough])
-        if not rough:
+        posts_only, cost, _ = fit(model, samples, start_by_posts(model, left, right), _START_SCALES)
+        if not math.isfinite(cost) or posts_only[X] > self.shape.line_x_m - self.settings.edge_on_m:
             return []
         found: list[GoalFit] = []
-        posts_only = min(rough, key=lambda r: r[1])[0]
         for bar in bar_rows(proposal.paint, proposal.scale, model, posts_only, 3):
-            joint = with_bar(samples, bar)
-            tried = [fit(model, joint, start, _START_SCALES) for start, _, _ in rough]
-            start, cost, _ = min(tried, key=lambda r: r[1])
+            start, cost, _ = fit(model, with_bar(samples, bar), posts_only, _START_SCALES)
             if not math.isfinite(cost):
                 continue
             one = refine(frame, self.camera, model, start, appearance, 3.0 * max(1.0, proposal.scale / 1.5))
             found += [] if one is None else [one]
             if one is not None and one.score > self.settings.clear_score:
                 break  # no other bar row fits better
-        return sorted(found, key=lambda f: -f.score)
+        found.sort(key=lambda f: -f.score)
+        if found:
+            other = self._other_branch(frame, found[0], proposal)
+            found += [] if other is None else [other]
+        return found
+
+    def _other_branch(self, frame: UInt8Array, found: GoalFit, proposal: Proposal) -> GoalFit | None:
+        """Fit the camera on the other side of the goal's axis whose picture of a plane is nearly the same, if any."""
+        model, p = proposal.model, found.unknowns
+        aside_rad = math.atan2(p[Y], model.shape.line_x_m - p[X])
+        start, cost, _ = fit(model, found.samples, turned(model, p, 2 * aside_rad), _START_SCALES)
+        if not math.isfinite(cost) or len(self._distinct([p, start])) < 2:
+            return None
+        return refine(frame, self.camera, model, start, proposal.appearance)

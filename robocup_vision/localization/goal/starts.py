@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,11 +39,8 @@ def strip_samples(camera: PinholeCamera, posts: Sequence[tuple[int, Strip]]) -> 
     )
 
 
-def starts(model: GoalModel, left: Strip, right: Strip) -> Iterator[FloatArray]:
-    """Cameras that see both posts where they are: placed by the posts' own widths, and obliquely left and right.
-
-    The last two are the branches that a plane's picture always allows.
-    """
+def start_by_posts(model: GoalModel, left: Strip, right: Strip) -> FloatArray:
+    """Return a camera (8,) that sees both posts where they are: placed by the posts' own widths."""
     fu, fv = model.view.focal_px
     cu, cv = model.view.center_px
     low_left, low_right = (s.foot if math.isfinite(s.foot) else s.bottom for s in (left, right))
@@ -51,25 +48,15 @@ def starts(model: GoalModel, left: Strip, right: Strip) -> Iterator[FloatArray]:
     half, line = model.shape.width_m / 2, model.shape.line_x_m
     near_left = 2 * model.shape.radius_m * fu / max(left.width_at(left.bottom), 1.0)
     near_right = 2 * model.shape.radius_m * fu / max(right.width_at(right.bottom), 1.0)
-    aside = float(np.clip((near_right**2 - near_left**2) / (4 * half), -near_left - half, near_left + half))
-    ahead = math.sqrt(max(near_left**2 - (half - aside) ** 2, 0.04))
-    places = [(line - ahead, aside)]
-    for beta in (-0.6, 0.6):
-        distance = 2 * half * math.cos(beta) * fu / max(b - a, 1.0)
-        places.append((line - distance * math.cos(beta), distance * math.sin(beta)))
-    for x, y in places:
-        p = model.prior.copy()
-        p[X], p[Y] = x, y
-        # the heading is the mean of those by both posts' bearings
-        p[HEADING] = (
-            math.atan2(half - y, line - x)
-            + math.atan2(-half - y, line - x)
-            + math.atan((a - cu) / fu)
-            + math.atan((b - cu) / fu)
-        ) / 2
-        distance = math.hypot(line - x, y)
-        p[TILT] = -math.atan(p[HEIGHT] / distance) + math.atan(((low_left + low_right) / 2 - cv) / fv)
-        yield p
+    y = float(np.clip((near_right**2 - near_left**2) / (4 * half), -near_left - half, near_left + half))
+    ahead = math.sqrt(max(near_left**2 - (half - y) ** 2, 0.04))
+    p = model.prior.copy()
+    p[X], p[Y] = line - ahead, y
+    # the heading is the mean of those by both posts' bearings
+    bearings = math.atan2(half - y, ahead) + math.atan2(-half - y, ahead)
+    p[HEADING] = (bearings + math.atan((a - cu) / fu) + math.atan((b - cu) / fu)) / 2
+    p[TILT] = -math.atan(p[HEIGHT] / math.hypot(ahead, y)) + math.atan(((low_left + low_right) / 2 - cv) / fv)
+    return p
 
 
 def with_bar(samples: EdgeSamples, bar_px: FloatArray) -> EdgeSamples:

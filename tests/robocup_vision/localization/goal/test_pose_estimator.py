@@ -114,6 +114,16 @@ def test_streaks_along_posts_and_bar_leave_the_goal_where_it_is(seed, index, wit
     assert estimate.pose.error_to(sample.pose)[0] < within_m
 
 
+def test_the_other_branch_of_a_plane_s_picture_is_not_taken_for_the_right_one():
+    condition = replace(CLEAN, backdrop="plain")
+    bare = replace(FIELD, lines=np.empty((0, 4)), arcs=np.empty((0, 5)))
+    places = paper_places(FIELD)
+    sample = next(sample_goal(bare, condition, 20010305, 66, places=places, indices=[56], supersample=4))
+    estimate = GoalPoseEstimator(bare, condition.camera).locate(sample.frame)
+    assert estimate
+    assert estimate.pose.error_to(sample.pose)[0] < 0.05
+
+
 @pytest.mark.slow
 def test_a_far_goal_alone_says_how_little_it_knows():
     """Only this finds far goals that are surer than they are right."""
