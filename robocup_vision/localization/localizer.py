@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
+import numpy as np
+
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
@@ -51,6 +53,11 @@ class FrameEvidence(NamedTuple):
     marks: UInt8Array | None = None
     t_s: float | None = None
     may_search: bool = True
+
+
+def frame_alone(frame: UInt8Array, camera: PinholeCamera, t_s: float | None = None) -> FrameEvidence:
+    """Return the evidence of a BGR frame (H, W, 3) of which nothing was measured before."""
+    return FrameEvidence(frame, camera, None, None, np.empty(0), np.empty(0, np.int64), t_s=t_s)
 
 
 class Localization(NamedTuple):

@@ -20,7 +20,7 @@ from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import dark_feet
-from robocup_vision.localization.localizer import FrameEvidence, Localization
+from robocup_vision.localization.localizer import Localization, frame_alone
 from robocup_vision.localization.methods import calibrated_localizer, make_pinhole_localizer
 from robocup_vision.localization.swapped_channels import (
     SwappedChannelsSettings,
@@ -162,7 +162,7 @@ class PinholePipeline(FramePipeline):
         may_search : bool
             See `FrameEvidence`.
         """
-        evidence = _evidence(frame, camera, t_s)
+        evidence = frame_alone(frame, camera, t_s)
         answer = self._localizer.locate(evidence if may_search else evidence._replace(may_search=False), prior)
         if isinstance(answer.pose, NotLocated):
             # whatever is missing: a dark picture is why
@@ -379,11 +379,6 @@ class PinholePipeline(FramePipeline):
 
 def _none_free(grid: FreeSpaceGrid) -> FreeSpace:
     return FreeSpace(grid.bearing_rad, np.zeros(len(grid.bearing_rad)))
-
-
-def _evidence(frame: UInt8Array, camera: PinholeCamera, t_s: float | None) -> FrameEvidence:
-    """Return what a forward camera's localisers take: the frame alone, as the pose says where the floor lies in it."""
-    return FrameEvidence(frame, camera, None, None, np.empty(0), np.empty(0, dtype=np.int64), t_s=t_s)
 
 
 def _as_held(camera: OmniCamera | PinholeCamera) -> PinholeCamera:

@@ -24,8 +24,8 @@ from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges import tables
-from robocup_vision.localization.goal.geometry import HEIGHT, LOG_FOCAL, ROLL, TILT
-from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
+from robocup_vision.localization.forward import GoalLocalizer
+from robocup_vision.localization.localizer import frame_alone
 from robocup_vision.localization.model_edges.field_edges import field_edges
 
 # standard deviations of a start: logarithm of the focal length, and height; goals are not found with larger errors
@@ -88,21 +88,23 @@ class _GoalLocator:
             camera,
             tilt_rad=None,
             roll_rad=None,
-            pan_rad=None,
+            pan_rad=0.0,
+            offset_m=(0.0, 0.0),
             height_std_m=_HEIGHT_STD_M,
             focal_std_px=_FOCAL_STD * camera.focal_px[0],
         )
-        estimator, edges = GoalPoseEstimator(self.field, loose), field_edges(self.field)
+        localizer, edges = GoalLocalizer(self.field, loose), field_edges(self.field)
 
         def locate(frame: UInt8Array, near: Pose2 | None) -> tuple[float, Sighting] | None:
-            found = estimator.locate_camera(frame, near)
-            if isinstance(found, NotLocated):
+            found = localizer.locate(frame_alone(frame, loose), near)
+            held = found.camera
+            if isinstance(found.pose, NotLocated) or not isinstance(held, PinholeCamera):
                 return None
-            held = found.unknowns
             # among starts that find equally many goals, the one with the least deviation from its prior is best
-            moved = (held[[LOG_FOCAL, HEIGHT]] - (0.0, camera.height_m)) / (_FOCAL_STD, _HEIGHT_STD_M)
-            unknowns = np.array([*found.estimate(near).pose.array, *held[[TILT, ROLL, HEIGHT]], 0.0])
-            return math.exp(-0.5 * float(np.abs(moved).max()) ** 2), Sighting(frame, unknowns, edges)
+            longer = math.log(held.focal_px[0] / camera.focal_px[0])
+            moved = max(abs(longer) / _FOCAL_STD, abs(held.height_m - camera.height_m) / _HEIGHT_STD_M)
+            unknowns = np.array([*found.pose.pose.array, held.tilt_rad, held.roll_rad, held.height_m, 0.0])
+            return math.exp(-0.5 * moved**2), Sighting(frame, unknowns, edges)
 
         return locate
 

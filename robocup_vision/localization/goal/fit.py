@@ -42,8 +42,6 @@ from robocup_vision.localization.goal.geometry import (
     UNKNOWNS,
     GoalShape,
     IdealView,
-    X,
-    Y,
 )
 
 _FIRST_EDGES, _BOTH_POSTS = np.arange(EDGES) != BAR_BOTTOM, np.ones(2, bool)
@@ -70,11 +68,6 @@ class GoalFitSettings:
     #: how far paint bleeds over its edge: the white of a goal in the sun by a pixel, paint of a hue hardly
     bloom_std_white_px: float = 0.7
     bloom_std_hue_px: float = 0.15
-    built_error_m: float = 0.01  #: standard deviation of how white goals are built and placed
-    #: least standard deviations of the priors beside lines, which show height and focal length better than most camera
-    #: files
-    min_height_std_m: float = 0.02
-    min_log_focal_std: float = 0.02
     edges: EdgeSampleSettings = EdgeSampleSettings()
 
 
@@ -120,14 +113,6 @@ def goal_model(
     with np.errstate(divide="ignore"):
         weight = np.where(np.isinf(std), 0.0, 1.0 / np.maximum(std, 0.0) ** 2)
     return GoalModel(shape, IdealView(camera.focal_px, camera.center_px), prior, weight, settings)
-
-
-def beside_lines(model: GoalModel) -> GoalModel:
-    """Widen the priors on height and focal length where lines are fitted, too."""
-    weight = model.weight.copy()
-    weight[HEIGHT] = min(weight[HEIGHT], model.settings.min_height_std_m**-2)
-    weight[LOG_FOCAL] = min(weight[LOG_FOCAL], model.settings.min_log_focal_std**-2)
-    return replace(model, weight=weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,15 +180,6 @@ def weigh(samples: EdgeSamples, settings: GoalFitSettings = GoalFitSettings()) -
     sigma = np.empty(len(samples.sigma))
     weigh_samples(samples.edge, samples.foot_post, samples.sigma, errors, sigma)
     return replace(samples, sigma=sigma)
-
-
-def as_built(model: GoalModel, samples: EdgeSamples, p: FloatArray) -> EdgeSamples:
-    """Add the errors with which goals are built and placed, common to whole edges and feet, to the samples' noise."""
-    distance_m = math.hypot(model.shape.line_x_m - p[X], p[Y])
-    shared_px = model.settings.built_error_m * model.view.focal_px[0] / distance_m
-    return weigh(
-        samples, replace(model.settings, sample_error_px=0.0, edge_error_px=shared_px, foot_error_px=shared_px)
-    )
 
 
 def only(samples: EdgeSamples, edges: BoolArray, posts: BoolArray) -> EdgeSamples:

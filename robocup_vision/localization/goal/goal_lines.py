@@ -56,8 +56,6 @@ class GoalLineSettings:
     #: longest search from a line's predicted place, round by round; the loss's scale is a part of it
     reaches_px: tuple[float, ...] = (8.0, 4.0, 2.5)
     scale_ratio: float = 0.4
-    #: common error of all places on fields with white goals: their cameras' lenses are calibrated less exactly
-    white_line_error_px: float = 1.0
     same_m: float = 0.2  #: fits nearer to each other count as one
     reach_on_arc_stds: float = 2.5  #: longest way along the arc by drawn lines, in standard deviations of the fit
     #: a goal that leaves its camera's position more uncertain than this is searched along its arc

@@ -19,11 +19,8 @@ _WHITE_RATIO = np.float32(1.1)
 _NOISE = np.float32(8.0)
 
 
-WHITE = "white"  # paint of any colour without a hue
-
-
 class PaintMasks(NamedTuple):
-    """Masks (H, W) of the paint of each hue, by its name, of white paint, and of carpet."""
+    """Masks (H, W) of the paint of each hue, by its name, and of carpet."""
 
     paint: dict[str, UInt8Array]
     carpet: UInt8Array
@@ -124,5 +121,4 @@ class GoalPicture:
     def _masks(self, image: UInt8Array) -> PaintMasks:
         paint = hue_masks(image, self._families, self._colors) if self._families else {}
         carpet = carpet_mask(image, np.bitwise_or.reduce(list(paint.values())) if paint else None)
-        white = cv2.threshold(whiteness(image), 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1]
-        return PaintMasks({**paint, WHITE: np.asarray(white, np.uint8)}, carpet)
+        return PaintMasks(paint, carpet)

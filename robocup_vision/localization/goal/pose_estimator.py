@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from field_models.errors import FrameError
+from field_models.errors import ArgumentError, FrameError
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array, plain_frame
 from robocup_vision.camera.pinhole import PinholeCamera
@@ -39,7 +39,7 @@ class GoalPoseEstimator:
     Parameters
     ----------
     field : Field
-        With goals of posts and a bar.
+        With goals of posts and a bar in colours of a hue.
     camera : PinholeCamera
         Pan, tilt and roll may be unknown.
     use_lines : bool
@@ -58,6 +58,8 @@ class GoalPoseEstimator:
         self.camera = camera
         self.settings = settings
         self._search = GoalSearch(field, camera, settings.search, settings.fit)
+        if not self._search.families:
+            raise ArgumentError(f"the goals of field '{field.name}' have no hue; GoalLocalizer takes white ones")
         line_map = LineMap(field) if use_lines and len(field.lines) + len(field.arcs) else None
         self._verdict = GoalVerdict(self._search, line_map, settings.verdict, settings.lines)
 

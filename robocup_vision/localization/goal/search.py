@@ -29,7 +29,7 @@ from robocup_vision.localization.goal.fit import (
     residuals,
 )
 from robocup_vision.localization.goal.geometry import HEADING, UNKNOWNS, X, Y, goal_shape, project
-from robocup_vision.localization.goal.goal_picture import WHITE, GoalPicture
+from robocup_vision.localization.goal.goal_picture import GoalPicture
 from robocup_vision.localization.goal.silhouettes import SilhouetteSearch
 from robocup_vision.localization.goal.starts import bar_rows, start_by_posts, strip_samples, with_bar
 from robocup_vision.perception.goal_region import (
@@ -39,7 +39,6 @@ from robocup_vision.perception.goal_region import (
     carpet_mask,
     enlarged,
     hue_families,
-    is_chromatic,
     mask_runs,
     strips,
     white_runs,
@@ -124,7 +123,6 @@ class GoalSearch:
         self.colored_model = goal_model(self.shape, camera, fit_settings.bloom_std_hue_px, fit_settings)
         self.white_model = goal_model(self.shape, camera, fit_settings.bloom_std_white_px, fit_settings)
         self._silhouettes = SilhouetteSearch(self.colored_model, camera, self.extent_m)
-        self._has_white = any(not is_chromatic(goal.color) for goal in field.goals)
 
     def picture(self, frame: UInt8Array) -> GoalPicture:
         """Take a frame (H, W, 3), BGR, of the camera's size."""
@@ -167,17 +165,17 @@ class GoalSearch:
         return bool(np.all(np.abs(unknowns[:2]) <= self.extent_m))
 
     def proposals(self, picture: GoalPicture) -> Iterator[Proposal]:
-        """Yield where goals may be: by each goal's hue, then white ones by their edges."""
+        """Yield where goals may be: by each goal's hue, or white ones by their edges."""
         if self.families:
             masks = picture.masks
             for color in self.families:
                 mask = masks.paint[color]
                 yield self._of_hue(color, mask, masks.carpet, self._mask_strips(mask, masks.carpet), picture.factor)
-        if self._has_white:
+        else:
             carpet = carpet_mask(picture.frame)
             runs = white_runs(picture.whiteness, 4, self.settings.strips)
             found = strips(runs, 4, carpet, certain=False, settings=self.settings.strips)
-            sides = tuple(goal.side for goal in self.field.goals if not is_chromatic(goal.color))
+            sides = tuple(goal.side for goal in self.field.goals)
             appearance = EdgeAppearance(np.full(3, 3**-0.5), math.inf, 1.0)
             pairs = self._pairs([s for s in found if math.isfinite(s.foot)])
             yield Proposal(sides, found, pairs, picture.whiteness, carpet, 1, self.white_model, appearance)
@@ -200,8 +198,13 @@ class GoalSearch:
         return found
 
     def nats(self, picture: GoalPicture, candidate: Candidate, unknowns: FloatArray) -> float:
-        """Log-likelihood ratio of a picture to clutter if a camera (8,) sees the goal; minus infinity behind it."""
-        nats = self._silhouettes.nats(picture.evidence(self._color_of(candidate.sides)), unknowns)
+        """Log-likelihood ratio of a picture to clutter if a camera (8,) sees the goal; minus infinity behind it.
+
+        Of a white goal its edges' accuracy alone: what its paint covers, other white things cover, too.
+        """
+        nats = 0.0
+        if self.families:
+            nats = self._silhouettes.nats(picture.evidence(self._color_of(candidate.sides)), unknowns)
         if math.isinf(nats):
             return nats
         fit = candidate.fit
@@ -218,8 +221,7 @@ class GoalSearch:
         return painted / 255
 
     def _color_of(self, sides: tuple[int, ...]) -> str:
-        color = next(goal.color for goal in self.field.goals if goal.side == sides[0])
-        return color if color in self.families else WHITE
+        return next(goal.color for goal in self.field.goals if goal.side == sides[0])
 
     def _mask_strips(self, mask: UInt8Array, carpet: UInt8Array) -> list[Strip]:
         return strips(mask_runs(mask, 2), 2, carpet, certain=True, settings=self.settings.strips)

@@ -16,7 +16,6 @@ import numpy as np
 from robocup_vision.estimates import NotLocated
 from robocup_vision.localization.goal.arc import open_arc, spread_about
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate, without_lines
-from robocup_vision.localization.goal.fit import as_built, beside_lines
 from robocup_vision.localization.goal.goal_lines import GoalLines, GoalLineSettings
 from robocup_vision.localization.goal.goal_picture import GoalPicture
 from robocup_vision.localization.goal.profile import polish
@@ -52,9 +51,6 @@ class GoalVerdict:
         line_settings: GoalLineSettings = GoalLineSettings(),
     ) -> None:
         self._search, self._settings, self._line_settings = search, settings, line_settings
-        if not search.families:
-            marks = replace(line_settings.marks, line_error_px=line_settings.white_line_error_px)
-            line_settings = replace(line_settings, marks=marks)
         self._lines = None if line_map is None else GoalLines(line_map, search.camera, line_settings)
 
     def locate(self, picture: GoalPicture, candidates: list[Candidate]) -> CameraEstimate | NotLocated:
@@ -81,13 +77,9 @@ class GoalVerdict:
 
     def _cameras(self, picture: GoalPicture, candidate: Candidate) -> Iterator[CameraEstimate]:
         """Yield the cameras that a goal gives by itself and with lines, where they can stand and see all of it."""
-        search, model, found = self._search, candidate.model, candidate.fit
-        if model is search.white_model:
-            model = beside_lines(model)
-            found = replace(found, samples=as_built(model, found.samples, found.unknowns))
-        else:
-            found = polish(picture.frame, search.camera, model, found, candidate.appearance)
-        goal = replace(candidate, fit=found, model=model)
+        search, model = self._search, candidate.model
+        found = polish(picture.frame, search.camera, model, candidate.fit, candidate.appearance)
+        goal = replace(candidate, fit=found)
         arc = open_arc(model, found, self._line_settings.certain_m)
         cameras = [without_lines(goal, arc)]
         if self._lines is not None:

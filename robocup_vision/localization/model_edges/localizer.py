@@ -16,11 +16,12 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import EdgePoints, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.distinct import may_be_one
-from robocup_vision.localization.forward import GoalLocalizer
+from robocup_vision.localization.forward import GoalLocalizer, WhiteGoals
 from robocup_vision.localization.localizer import FrameEvidence, Localization
 from robocup_vision.localization.model_edges.finder import EdgeFinder, for_walled_fields
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera, FollowerState
 from robocup_vision.localization.model_edges.settings import EdgeSettings
+from robocup_vision.perception.goal_region import hue_families
 
 # or a function that makes them
 _Points = EdgePoints | Callable[[], EdgePoints]
@@ -47,7 +48,7 @@ class EdgeLocalizer:
         self._reductions = self.follower.settings.reductions(camera.size_px[0])
         # feet of walls lie beside the lines, and stand out in smaller copies
         self._has_walls = field.is_bounded and bool(self._reductions)
-        self._goal: GoalLocalizer | None = None
+        self._goal: GoalLocalizer | WhiteGoals | None = None
         self._has_posts = any(goal.kind == "posts" for goal in field.goals)
         self._held = camera  # as in the last look
         self.forget()
@@ -231,16 +232,19 @@ class EdgeLocalizer:
     def _by_goal(self, evidence: FrameEvidence) -> Localization | FollowedCamera | None:
         """Search for a goal: its pose by all edges where they confirm it, by the goal alone where they do not decide.
 
-        Glare whitens posts, and a goal before an unknown wall shows little else: the goal's own verdict is made for
-        that.
+        Glare whitens posts, and a goal of a hue before an unknown wall shows little else: the goal's own verdict is
+        made for that.
         """
         if self._goal is None:
-            self._goal = GoalLocalizer(self.follower.field, self.follower.camera)
+            field, camera = self.follower.field, self.follower.camera
+            self._goal = GoalLocalizer(field, camera) if hue_families(field) else WhiteGoals(field, camera)
+        if isinstance(self._goal, WhiteGoals):
+            return self._made_finder().judge(evidence.frame, self._goal.proposed(evidence.frame)) or None
         alone = self._goal.locate(evidence)
         if isinstance(alone.pose, NotLocated):
             return None
-        camera = alone.pose.seen_from(alone.camera.camera_in_robot)
-        return self._made_finder().judge(evidence.frame, camera.candidates) or alone
+        seen = alone.pose.seen_from(alone.camera.camera_in_robot)
+        return self._made_finder().judge(evidence.frame, seen.candidates) or alone
 
     def _as_estimate(self, prior: PoseEstimate | Pose2) -> PoseEstimate:
         if isinstance(prior, PoseEstimate):

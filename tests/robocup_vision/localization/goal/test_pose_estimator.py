@@ -1,16 +1,12 @@
-"""The goal localiser on rendered frames and, where they are at hand, on photographs of a Nao's goal."""
+"""The estimator of goals of a hue on rendered frames."""
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
 from field_models import ArgumentError, FrameError, load_field
-from robocup_vision.camera import load_camera
-from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import HEIGHT, ROLL, TILT
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator, GoalSettings
@@ -18,9 +14,7 @@ from robocup_vision.localization.goal.verdict import VerdictSettings
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, paper_places, sample_goal
 
 FIELD = load_field("four_legged_2007")
-WHITE_FIELD = load_field("spl_2020")
 CLEAN = GOAL_CONDITIONS["clean_416x320"]
-PHOTOS = Path(__file__).resolve().parents[5] / "shared" / "real" / "goal_spl"
 
 
 @pytest.fixture(scope="module")
@@ -185,24 +179,6 @@ def test_half_a_goal_needs_a_prior(estimator):
     assert located >= 2
 
 
-@pytest.mark.slow
-def test_white_goals_have_two_candidates_and_a_prior_chooses():
-    """Only this finds white goals whose two halves are not both told."""
-    condition = GOAL_CONDITIONS["white_640x480"]
-    estimator = GoalPoseEstimator(WHITE_FIELD, condition.camera)
-    located = 0
-    for sample in sample_goal(WHITE_FIELD, condition, 0, 4, supersample=2):
-        estimate = estimator.locate(sample.frame)
-        if not estimate:
-            continue
-        located += 1
-        assert len(estimate.candidates) == 2
-        assert estimate.pose.error_to(sample.pose, symmetric=True)[0] < 0.2
-        chosen = estimator.locate(sample.frame, prior=sample.pose)
-        assert chosen.pose.error_to(sample.pose)[0] < 0.2
-    assert located >= 2
-
-
 def test_bad_arguments_are_named(estimator):
     with pytest.raises(
         FrameError, match=r"frame must be uint8 \(320, 416, 3\) as camera.toml says, got uint8 \(10, 10, 3\)"
@@ -212,42 +188,8 @@ def test_bad_arguments_are_named(estimator):
         estimator.locate(None)
     with pytest.raises(ArgumentError, match="no goals of posts"):
         GoalPoseEstimator(load_field("ssl_2001"), CLEAN.camera)
-
-
-@pytest.mark.skipif(not PHOTOS.is_dir(), reason="the photographs are not at hand")
-@pytest.mark.parametrize("focal_ratio", [1.0, pytest.param(0.97, marks=pytest.mark.slow)])
-def test_photographs_of_a_white_goal(focal_ratio):
-    """The focal length that is 3 % off alone finds a localiser that needs an exact one."""
-    camera = load_camera(PHOTOS / "camera.toml")
-    fu, fv = camera.focal_px
-    camera = PinholeCamera(camera.size_px, (fu * focal_ratio, fv * focal_ratio), camera.center_px, camera.height_m)
-    estimator = GoalPoseEstimator(WHITE_FIELD, camera)
-    errors = []
-    for line in (PHOTOS / "truth.csv").read_text().splitlines()[1:]:
-        name, x, y, _, sees = line.split(",")
-        estimate = estimator.locate(cv2.imread(str(PHOTOS / "images" / name)))
-        if not estimate:
-            assert sees == "one post" or focal_ratio != 1.0
-            continue
-        error = min(np.hypot(c.x_m - float(x), c.y_m - float(y)) for c in estimate.candidates)
-        assert error < (0.20 if sees == "whole goal" else 0.5)
-        if sees == "whole goal":
-            errors.append(error)
-    # a focal length that is 3 % off may cost one of them
-    assert len(errors) >= (3 if focal_ratio == 1.0 else 2)
-    assert np.mean(errors) < 0.10
-
-
-@pytest.mark.skipif(not PHOTOS.is_dir(), reason="the photographs are not at hand")
-def test_a_white_goal_alone_is_right_or_refused():
-    estimator = GoalPoseEstimator(WHITE_FIELD, load_camera(PHOTOS / "camera.toml"), use_lines=False)
-    for line in (PHOTOS / "truth.csv").read_text().splitlines()[1:]:
-        name, x, y, *_ = line.split(",")
-        estimate = estimator.locate(cv2.imread(str(PHOTOS / "images" / name)))
-        if not estimate:
-            assert "goal" in estimate.reason
-            continue
-        assert min(np.hypot(c.x_m - float(x), c.y_m - float(y)) for c in estimate.candidates) < 0.3
+    with pytest.raises(ArgumentError, match="the goals of field 'spl_2020' have no hue"):
+        GoalPoseEstimator(load_field("spl_2020"), CLEAN.camera)
 
 
 def test_lines_that_are_not_there_lower_the_odds_and_veto_nothing():

@@ -85,7 +85,7 @@ def test_parts_are_made_once_and_reduced_as_the_search_says(sample):
     assert picture.factor == 2
     assert picture.small.shape == (160, 208, 3)
     assert picture.masks is picture.masks
-    assert set(picture.masks.paint) == {"cyan", "yellow", "white"}
+    assert set(picture.masks.paint) == {"cyan", "yellow"}
     assert picture.evidence("cyan") is picture.evidence("cyan")
 
 
