@@ -11,9 +11,9 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate, pose_of
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import HEADING, HEIGHT, LOG_FOCAL, ROLL, TILT, X, Y
-from robocup_vision.localization.goal.half_goal import find_half_goal
+from robocup_vision.localization.goal.half_goal import PriorSettings, find_half_goal
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
-from robocup_vision.localization.goal.search import GoalSearch
+from robocup_vision.localization.goal.search import Candidate, GoalSearch
 from robocup_vision.localization.localizer import (
     FrameByFrame,
     FrameEvidence,
@@ -31,12 +31,12 @@ _MAX_PROPOSALS = 8
 class GoalLocalizer(FrameByFrame):
     """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown.
 
-    A goal of a hue is measured by itself, and its lines with it. White goals only propose cameras, which are then
-    fitted to and judged by all edges of the field, as cameras proposed by lines are.
+    A goal of a hue is measured by itself, and its lines with it. If none is found, lines are tried: where the tilt is
+    unknown and both halves of the field look alike they come first, as they determine tilt and pose in most pictures;
+    else their pose is accepted only near a prior.
 
-    If the tilt is unknown and both halves of the field look alike, lines come first: they determine tilt and pose in
-    most pictures, and need no whole goal. On fields whose halves differ they are tried if no goal is found, and
-    accepted only near a prior.
+    White goals only propose cameras, which are then fitted to and judged by all edges of the field, as cameras
+    proposed by lines are. Goals come first: lines alone, most of which are parallel, may fit beside a goal.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera) -> None:
@@ -56,19 +56,35 @@ class GoalLocalizer(FrameByFrame):
         assert isinstance(camera, PinholeCamera)
         start = pose_of(prior)
         near = None if start is None else start.compose(camera.camera_in_robot)
+        if self._goal is not None:
+            return self._by_hue(self._goal, frame, camera, near)
+        found = self._by_white_goals(frame, near)
+        return Localization(found, camera) if isinstance(found, NotLocated) else _seen(found, found.estimate, camera)
+
+    def _by_white_goals(self, frame: UInt8Array, near: Pose2 | None) -> FollowedCamera | NotLocated:
+        """Judge what a white goal proposes, what lines do, and what half a goal does near a prior pose."""
+        assert self._white_goals is not None
+        found = self._by_edges.judge(frame, self._white_goals.proposed(frame))
+        if not found and self._has_lines:
+            found = self._by_edges.find(frame)
+        if not found and near is not None:
+            half = self._white_goals.proposed_near(frame, near)
+            found = self._by_edges.judge(frame, half) if half else found
+        return found
+
+    def _by_hue(
+        self, goal: GoalPoseEstimator, frame: UInt8Array, camera: PinholeCamera, near: Pose2 | None
+    ) -> Localization:
+        """Measure a goal of a hue, or lines."""
         if self._lines_first:
             found = self._by_edges.find(frame)
             if found:
                 return _seen(found, found.estimate, camera)
-        if self._white_goals is not None:
-            found = self._by_edges.judge(frame, self._white_goals.proposed(frame, near))
-            return (
-                Localization(found, camera) if isinstance(found, NotLocated) else _seen(found, found.estimate, camera)
-            )
-        assert self._goal is not None
-        placed = self._goal.locate_camera(frame, near)
+        placed = goal.locate_camera(frame, near)
         if isinstance(placed, NotLocated):
-            by_lines = None if near is None or self._lines_first else self._near(frame, near, camera)
+            by_lines = (
+                None if near is None or self._lines_first else self._near(frame, near, camera, goal.settings.prior)
+            )
             return Localization(placed, camera) if by_lines is None else by_lines
         p = [float(value) for value in placed.unknowns]
         fu, fv = camera.focal_px
@@ -77,7 +93,9 @@ class GoalLocalizer(FrameByFrame):
         pose = placed.estimate(near).seen_from(oriented.camera_in_robot.inverse())
         return Localization(pose, oriented, tells_half=len(pose.candidates) == 1)
 
-    def _near(self, frame: UInt8Array, prior: Pose2, camera: PinholeCamera) -> Localization | None:
+    def _near(
+        self, frame: UInt8Array, prior: Pose2, camera: PinholeCamera, settings: PriorSettings
+    ) -> Localization | None:
         """Locate the camera by lines near a prior pose of it."""
         found = self._by_edges.find(frame) if self._has_lines else None
         if not found:
@@ -85,8 +103,6 @@ class GoalLocalizer(FrameByFrame):
         turned = found.estimate.half_turn()
         near = min(found.estimate, turned, key=lambda one: one.pose.error_to(prior)[0])
         distance_m, angle_rad = near.pose.error_to(prior)
-        assert self._goal is not None
-        settings = self._goal.settings.prior
         is_near = distance_m <= 3 * settings.std_m and angle_rad <= 3 * settings.std_rad
         return _seen(found, near, camera) if is_near else None
 
@@ -97,13 +113,19 @@ class WhiteGoals:
     def __init__(self, field: Field, camera: PinholeCamera) -> None:
         self._search = GoalSearch(field, camera)
 
-    def proposed(self, frame: UInt8Array, near: Pose2 | None = None) -> list[TiltedPose]:
-        """Return cameras of one BGR frame, the likeliest first; half a goal may do near a prior pose of the camera."""
-        picture = self._search.picture(frame)
-        candidates, _ = self._search.candidates(picture)
-        part = None if near is None else find_half_goal(self._search, picture, near)
-        seen = [*candidates[:_MAX_PROPOSALS], *([] if part is None else [part])]
-        return [TiltedPose(*one.fit.unknowns[[X, Y, HEADING, TILT, ROLL]].tolist()) for one in seen]
+    def proposed(self, frame: UInt8Array) -> list[TiltedPose]:
+        """Return cameras of one BGR frame that may see a whole goal, the likeliest first."""
+        candidates, _ = self._search.candidates(self._search.picture(frame))
+        return [_camera_of(one) for one in candidates[:_MAX_PROPOSALS]]
+
+    def proposed_near(self, frame: UInt8Array, prior: Pose2) -> list[TiltedPose]:
+        """Return the camera near a prior pose that may see half a goal, if there is one."""
+        part = find_half_goal(self._search, self._search.picture(frame), prior)
+        return [] if part is None else [_camera_of(part)]
+
+
+def _camera_of(candidate: Candidate) -> TiltedPose:
+    return TiltedPose(*candidate.fit.unknowns[[X, Y, HEADING, TILT, ROLL]].tolist())
 
 
 def _seen(found: FollowedCamera, estimate: PoseEstimate, camera: PinholeCamera) -> Localization:

@@ -48,8 +48,9 @@ class EdgeLocalizer:
         self._reductions = self.follower.settings.reductions(camera.size_px[0])
         # feet of walls lie beside the lines, and stand out in smaller copies
         self._has_walls = field.is_bounded and bool(self._reductions)
-        self._goal: GoalLocalizer | WhiteGoals | None = None
-        self._has_posts = any(goal.kind == "posts" for goal in field.goals)
+        has_posts = any(goal.kind == "posts" for goal in field.goals)
+        self._has_goals_of_hue = has_posts and bool(hue_families(field))
+        self._has_white_goals = has_posts and not self._has_goals_of_hue
         self._held = camera  # as in the last look
         self.forget()
 
@@ -69,7 +70,7 @@ class EdgeLocalizer:
         other.follower = self.follower.with_camera(camera)
         other._copies = {}
         other._finder = None if self._finder is None else self._finder.with_follower(other.follower)
-        other._goal = other._copies_finder = None
+        other._copies_finder = None
         other._held = camera
         return other
 
@@ -81,7 +82,7 @@ class EdgeLocalizer:
         answer: FollowedCamera | NotLocated
         points: _Points | None = None
         if prior is None:
-            answer = self._find(evidence.frame)
+            answer = self._find_with_goals(evidence.frame)
         else:
             near = _camera_prior(self._as_estimate(prior), camera)
             answer, points = self._follow(evidence, near)
@@ -93,12 +94,12 @@ class EdgeLocalizer:
         if answer:
             self._located_s = evidence.t_s
         is_open = isinstance(answer, NotLocated) or bool(answer.others)
-        if is_open and prior is None and self._has_posts:
+        if is_open and prior is None and self._has_goals_of_hue:
             # a search of its own, slow: where a prior exists, the next frame will do
-            by_goal = self._by_goal(evidence)
-            if isinstance(by_goal, Localization):
-                return by_goal
-            answer = answer if by_goal is None else by_goal
+            of_hue = self._by_goal(evidence)
+            if isinstance(of_hue, Localization):
+                return of_hue
+            answer = answer if of_hue is None else of_hue
         if isinstance(answer, NotLocated) and prior is None and self._has_walls:
             found = self._made_copies_finder().find(evidence.frame)
             if found:
@@ -116,8 +117,6 @@ class EdgeLocalizer:
         """Take the camera's orientation at rest as joints or sensors measure it in this frame."""
         if camera is self._held or camera.is_held_as(self._held):
             return
-        if camera.height_m != self._held.height_m:
-            self._goal = None
         self._held = camera
         for follower in (self.follower, *self._copies.values()):
             follower.hold(camera)
@@ -218,6 +217,11 @@ class EdgeLocalizer:
     def _find(self, frame: UInt8Array, near: Pose2 | None = None) -> FollowedCamera | NotLocated:
         return self._made_finder().find(frame, near)
 
+    def _find_with_goals(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
+        """Judge what white goals propose, then what lines do: most are parallel, and alone may fit beside a goal."""
+        proposed = WhiteGoals(self.follower.field, self._held).proposed(frame) if self._has_white_goals else []
+        return self._made_finder().judge(frame, proposed) or self._find(frame)
+
     def _made_finder(self) -> EdgeFinder:
         if self._finder is None:
             self._finder = EdgeFinder(self.follower)
@@ -232,19 +236,14 @@ class EdgeLocalizer:
     def _by_goal(self, evidence: FrameEvidence) -> Localization | FollowedCamera | None:
         """Search for a goal: its pose by all edges where they confirm it, by the goal alone where they do not decide.
 
-        Glare whitens posts, and a goal of a hue before an unknown wall shows little else: the goal's own verdict is
-        made for that.
+        Glare whitens posts, and a goal before an unknown wall shows little else: the goal's own verdict is made for
+        that.
         """
-        if self._goal is None:
-            field, camera = self.follower.field, self.follower.camera
-            self._goal = GoalLocalizer(field, camera) if hue_families(field) else WhiteGoals(field, camera)
-        if isinstance(self._goal, WhiteGoals):
-            return self._made_finder().judge(evidence.frame, self._goal.proposed(evidence.frame)) or None
-        alone = self._goal.locate(evidence)
+        alone = GoalLocalizer(self.follower.field, self._held).locate(evidence)
         if isinstance(alone.pose, NotLocated):
             return None
-        seen = alone.pose.seen_from(alone.camera.camera_in_robot)
-        return self._made_finder().judge(evidence.frame, seen.candidates) or alone
+        camera = alone.pose.seen_from(alone.camera.camera_in_robot)
+        return self._made_finder().judge(evidence.frame, camera.candidates) or alone
 
     def _as_estimate(self, prior: PoseEstimate | Pose2) -> PoseEstimate:
         if isinstance(prior, PoseEstimate):
