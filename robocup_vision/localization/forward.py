@@ -35,8 +35,8 @@ class GoalLocalizer(FrameByFrame):
     unknown and both halves of the field look alike they come first, as they determine tilt and pose in most pictures;
     else their pose is accepted only near a prior.
 
-    White goals only propose cameras, which are then fitted to and judged by all edges of the field, as cameras
-    proposed by lines are. Goals come first: lines alone, most of which are parallel, may fit beside a goal.
+    White goals only propose cameras, where lines leave a doubt: these are fitted to all edges of the field and judged
+    by them, as those that lines propose are.
     """
 
     def __init__(self, field: Field, camera: PinholeCamera) -> None:
@@ -62,11 +62,12 @@ class GoalLocalizer(FrameByFrame):
         return Localization(found, camera) if isinstance(found, NotLocated) else _seen(found, found.estimate, camera)
 
     def _by_white_goals(self, frame: UInt8Array, near: Pose2 | None) -> FollowedCamera | NotLocated:
-        """Judge what a white goal proposes, what lines do, and what half a goal does near a prior pose."""
+        """Judge what lines propose, what a white goal does, and what half a goal does near a prior pose."""
         assert self._white_goals is not None
-        found = self._by_edges.judge(frame, self._white_goals.proposed(frame))
-        if not found and self._has_lines:
-            found = self._by_edges.find(frame)
+        if self._has_lines:
+            found = self._by_edges.find_with(frame, self._white_goals.proposed)
+        else:
+            found = self._by_edges.judge(frame, self._white_goals.proposed(frame))
         if not found and near is not None:
             half = self._white_goals.proposed_near(frame, near)
             found = self._by_edges.judge(frame, half) if half else found

@@ -82,7 +82,8 @@ class EdgeLocalizer:
         answer: FollowedCamera | NotLocated
         points: _Points | None = None
         if prior is None:
-            answer = self._find_with_goals(evidence.frame)
+            goals = WhiteGoals(self.follower.field, camera).proposed if self._has_white_goals else None
+            answer = self._made_finder().find_with(evidence.frame, goals) if goals else self._find(evidence.frame)
         else:
             near = _camera_prior(self._as_estimate(prior), camera)
             answer, points = self._follow(evidence, near)
@@ -216,11 +217,6 @@ class EdgeLocalizer:
 
     def _find(self, frame: UInt8Array, near: Pose2 | None = None) -> FollowedCamera | NotLocated:
         return self._made_finder().find(frame, near)
-
-    def _find_with_goals(self, frame: UInt8Array) -> FollowedCamera | NotLocated:
-        """Judge what white goals propose, then what lines do: most are parallel, and alone may fit beside a goal."""
-        proposed = WhiteGoals(self.follower.field, self._held).proposed(frame) if self._has_white_goals else []
-        return self._made_finder().judge(frame, proposed) or self._find(frame)
 
     def _made_finder(self) -> EdgeFinder:
         if self._finder is None:
