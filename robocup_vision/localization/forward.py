@@ -59,7 +59,10 @@ class GoalLocalizer(FrameByFrame):
         if self._goal is not None:
             return self._by_hue(self._goal, frame, camera, near)
         found = self._by_white_goals(frame, near)
-        return Localization(found, camera) if isinstance(found, NotLocated) else _seen(found, found.estimate, camera)
+        if isinstance(found, NotLocated):
+            return Localization(found, camera)
+        estimate = found.estimate if near is None or found.tells_half else _nearer(found.estimate, near)
+        return _seen(found, estimate, camera)
 
     def _by_white_goals(self, frame: UInt8Array, near: Pose2 | None) -> FollowedCamera | NotLocated:
         """Judge what lines propose, what a white goal does, and what half a goal does near a prior pose."""
@@ -101,8 +104,7 @@ class GoalLocalizer(FrameByFrame):
         found = self._by_edges.find(frame) if self._has_lines else None
         if not found:
             return None
-        turned = found.estimate.half_turn()
-        near = min(found.estimate, turned, key=lambda one: one.pose.error_to(prior)[0])
+        near = _nearer(found.estimate, prior)
         distance_m, angle_rad = near.pose.error_to(prior)
         is_near = distance_m <= 3 * settings.std_m and angle_rad <= 3 * settings.std_rad
         return _seen(found, near, camera) if is_near else None
@@ -127,6 +129,11 @@ class WhiteGoals:
 
 def _camera_of(candidate: Candidate) -> TiltedPose:
     return TiltedPose(*candidate.fit.unknowns[[X, Y, HEADING, TILT, ROLL]].tolist())
+
+
+def _nearer(estimate: PoseEstimate, prior: Pose2) -> PoseEstimate:
+    """Return an estimate or its half turn about the field's centre, whichever is nearer a prior pose."""
+    return min(estimate, estimate.half_turn(), key=lambda one: one.pose.error_to(prior)[0])
 
 
 def _seen(found: FollowedCamera, estimate: PoseEstimate, camera: PinholeCamera) -> Localization:

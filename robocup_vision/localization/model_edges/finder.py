@@ -37,8 +37,6 @@ _AnyPose = TypeVar("_AnyPose", bound=Pose2)
 
 _CORNERS, _QUARTER_RAD = 4, math.pi / 2
 _NO_ENDS, _NOTHING_SEEN = np.zeros((0, 3)), np.zeros((0, BINS + 1))
-
-
 # an answer of 99 % probability ends the search
 _SURE_LOG_ODDS = math.log(99.0)
 
@@ -306,7 +304,7 @@ class EdgeFinder:
         found = self.find(frame)
         if found and self._log_odds(found) >= _SURE_LOG_ODDS:
             return found
-        other = self.judge(frame, propose(frame))
+        other = self.judge(self.follower.copy_of(frame), propose(frame))
         if not found or (other and self._log_odds(other) > self._log_odds(found)):
             return other or found
         if not found.others:

@@ -39,6 +39,15 @@ def test_a_goal_without_any_line_is_enough():
     assert found.pose.pose.error_to(sample.pose, symmetric=True)[0] < 0.2
 
 
+@pytest.mark.parametrize("index", [1, 4])
+def test_both_halves_are_possible_and_a_prior_chooses(index):
+    (sample,) = sample_goal(FIELD, CONDITION, 11, 14, indices=[index], supersample=2)
+    localizer, evidence = GoalLocalizer(FIELD, CAMERA), frame_alone(sample.frame, CAMERA)
+    assert not localizer.locate(evidence).tells_half
+    for near in (sample.pose, sample.pose.half_turn()):
+        assert localizer.locate(evidence, near).pose.pose.error_to(near)[0] < 0.2
+
+
 @pytest.mark.slow
 def test_poses_are_right_or_refused():
     """Only this finds white goals that poses are made up from, with a prior or without."""
@@ -70,3 +79,14 @@ def test_photographs(focal_ratio):
         assert found
         off_m = min(np.hypot(c.x_m - float(x), c.y_m - float(y)) for c in (found.pose, found.pose.half_turn()))
         assert off_m < (0.1 if focal_ratio == 1.0 else 0.2)
+
+
+@pytest.mark.skipif(not PHOTOS.is_dir(), reason="the photographs are not at hand")
+def test_photographs_of_a_goal_alone_are_right_or_refused():
+    camera = load_camera(PHOTOS / "camera.toml")
+    localizer = GoalLocalizer(replace(FIELD, lines=np.empty((0, 4)), arcs=np.empty((0, 5))), camera)
+    for line in (PHOTOS / "truth.csv").read_text().splitlines()[1:]:
+        name, x, y, *_ = line.split(",")
+        found = localizer.locate(frame_alone(cv2.imread(str(PHOTOS / "images" / name)), camera)).pose
+        if found:
+            assert min(np.hypot(c.x_m - float(x), c.y_m - float(y)) for c in (found.pose, found.pose.half_turn())) < 0.3
