@@ -11,14 +11,10 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate, pose_of
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import HEADING, HEIGHT, LOG_FOCAL, ROLL, TILT, X, Y
-from robocup_vision.localization.goal.half_goal import PriorSettings, find_half_goal
+from robocup_vision.localization.goal.half_goal import find_half_goal
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.localization.goal.search import Candidate, GoalSearch
-from robocup_vision.localization.localizer import (
-    FrameByFrame,
-    FrameEvidence,
-    Localization,
-)
+from robocup_vision.localization.localizer import FrameByFrame, FrameEvidence, Localization
 from robocup_vision.localization.model_edges.finder import TiltedPose
 from robocup_vision.localization.model_edges.follower import FollowedCamera
 from robocup_vision.localization.model_edges.tilt_finder import TiltFinder
@@ -29,67 +25,54 @@ _MAX_PROPOSALS = 8
 
 
 class GoalLocalizer(FrameByFrame):
-    """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown.
+    """Satisfies `Localizer`; method "goal": posts and bar, with the lines around them. The tilt may be unknown."""
 
-    A goal of a hue is measured by itself, and its lines with it. If none is found, lines are tried: where the tilt is
-    unknown and both halves of the field look alike they come first, as they determine tilt and pose in most pictures;
-    else their pose is accepted only near a prior.
+    def __init__(self, field: Field, camera: PinholeCamera) -> None:
+        self._goals = HueGoals(field, camera) if hue_families(field) else WhiteGoals(field, camera)
 
-    White goals only propose cameras, where lines leave a doubt: these are fitted to all edges of the field and judged
-    by them, as those that lines propose are.
-    """
+    def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
+        """See `Localizer.locate`."""
+        camera = evidence.camera
+        assert isinstance(camera, PinholeCamera)
+        start = pose_of(prior)
+        near = None if start is None else start.compose(camera.camera_in_robot)
+        return self._goals.locate(evidence.frame, camera, near)
+
+
+class _Goals:
+    """A field's goals, and the finder that fits all edges of it."""
 
     def __init__(self, field: Field, camera: PinholeCamera) -> None:
         self._field, self._camera = field, camera
-        self._goal = GoalPoseEstimator(field, camera) if hue_families(field) else None
-        self._white_goals = None if self._goal else WhiteGoals(field, camera)
         self._has_lines = bool(len(field.lines) + len(field.arcs))
-        self._lines_first = self._has_lines and not camera.known_orientation and not field.shows_half
 
     @cached_property
     def _by_edges(self) -> TiltFinder:
         return TiltFinder(self._field, self._camera)
 
-    def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
-        """See `Localizer.locate`."""
-        camera, frame = evidence.camera, evidence.frame
-        assert isinstance(camera, PinholeCamera)
-        start = pose_of(prior)
-        near = None if start is None else start.compose(camera.camera_in_robot)
-        if self._goal is not None:
-            return self._by_hue(self._goal, frame, camera, near)
-        found = self._by_white_goals(frame, near)
-        if isinstance(found, NotLocated):
-            return Localization(found, camera)
-        estimate = found.estimate if near is None or found.tells_half else _nearer(found.estimate, near)
-        return _seen(found, estimate, camera)
 
-    def _by_white_goals(self, frame: UInt8Array, near: Pose2 | None) -> FollowedCamera | NotLocated:
-        """Judge what lines propose, what a white goal does, and what half a goal does near a prior pose."""
-        assert self._white_goals is not None
-        if self._has_lines:
-            found = self._by_edges.find_with(frame, self._white_goals.proposed)
-        else:
-            found = self._by_edges.judge(frame, self._white_goals.proposed(frame))
-        if not found and near is not None:
-            half = self._white_goals.proposed_near(frame, near)
-            found = self._by_edges.judge(frame, half) if half else found
-        return found
+class HueGoals(_Goals):
+    """Locates a camera by a goal of a hue, which is measured by itself, and its lines with it.
 
-    def _by_hue(
-        self, goal: GoalPoseEstimator, frame: UInt8Array, camera: PinholeCamera, near: Pose2 | None
-    ) -> Localization:
-        """Measure a goal of a hue, or lines."""
+    If no goal is found, lines are tried: where the tilt is unknown and both halves of the field look alike they come
+    first, as they determine tilt and pose in most pictures; else their pose is accepted only near a prior.
+    """
+
+    def __init__(self, field: Field, camera: PinholeCamera) -> None:
+        super().__init__(field, camera)
+        self._goal = GoalPoseEstimator(field, camera)
+        self._lines_first = self._has_lines and not camera.known_orientation and not field.shows_half
+
+    def locate(self, frame: UInt8Array, camera: PinholeCamera, near: Pose2 | None) -> Localization:
+        """Locate a camera by one BGR frame; `near` is its prior pose."""
         if self._lines_first:
             found = self._by_edges.find(frame)
             if found:
                 return _seen(found, found.estimate, camera)
-        placed = goal.locate_camera(frame, near)
+        placed = self._goal.locate_camera(frame, near)
         if isinstance(placed, NotLocated):
-            by_lines = (
-                None if near is None or self._lines_first else self._near(frame, near, camera, goal.settings.prior)
-            )
-            return Localization(placed, camera) if by_lines is None else by_lines
+            by_lines = None if near is None or self._lines_first else self._by_lines(frame, near, camera)
+            return by_lines or Localization(placed, camera)
         p = [float(value) for value in placed.unknowns]
         fu, fv = camera.focal_px
         scale = math.exp(p[LOG_FOCAL])
@@ -97,32 +80,47 @@ class GoalLocalizer(FrameByFrame):
         pose = placed.estimate(near).seen_from(oriented.camera_in_robot.inverse())
         return Localization(pose, oriented, tells_half=len(pose.candidates) == 1)
 
-    def _near(
-        self, frame: UInt8Array, prior: Pose2, camera: PinholeCamera, settings: PriorSettings
-    ) -> Localization | None:
-        """Locate the camera by lines near a prior pose of it."""
+    def _by_lines(self, frame: UInt8Array, prior: Pose2, camera: PinholeCamera) -> Localization | None:
+        """Locate a camera by lines near its prior pose."""
         found = self._by_edges.find(frame) if self._has_lines else None
         if not found:
             return None
-        near = _nearer(found.estimate, prior)
+        near, settings = _nearer(found.estimate, prior), self._goal.settings.prior
         distance_m, angle_rad = near.pose.error_to(prior)
         is_near = distance_m <= 3 * settings.std_m and angle_rad <= 3 * settings.std_rad
         return _seen(found, near, camera) if is_near else None
 
 
-class WhiteGoals:
-    """Proposes cameras that may see a white goal of a field."""
+class WhiteGoals(_Goals):
+    """Proposes cameras that may see a white goal, where lines leave a doubt.
+
+    They are fitted to all edges of the field and judged by them, as those that lines propose are.
+    """
 
     def __init__(self, field: Field, camera: PinholeCamera) -> None:
+        super().__init__(field, camera)
         self._search = GoalSearch(field, camera)
+
+    def locate(self, frame: UInt8Array, camera: PinholeCamera, near: Pose2 | None) -> Localization:
+        """Locate a camera by one BGR frame; `near` is its prior pose, from which half a goal is proposed, too."""
+        if self._has_lines:
+            found = self._by_edges.find_with(frame, self.proposed)
+        else:
+            found = self._by_edges.judge(frame, self.proposed(frame))
+        if not found and near is not None:
+            half = self._proposed_near(frame, near)
+            found = self._by_edges.judge(frame, half) if half else found
+        if isinstance(found, NotLocated):
+            return Localization(found, camera)
+        estimate = found.estimate if near is None or found.tells_half else _nearer(found.estimate, near)
+        return _seen(found, estimate, camera)
 
     def proposed(self, frame: UInt8Array) -> list[TiltedPose]:
         """Return cameras of one BGR frame that may see a whole goal, the likeliest first."""
         candidates, _ = self._search.candidates(self._search.picture(frame))
         return [_camera_of(one) for one in candidates[:_MAX_PROPOSALS]]
 
-    def proposed_near(self, frame: UInt8Array, prior: Pose2) -> list[TiltedPose]:
-        """Return the camera near a prior pose that may see half a goal, if there is one."""
+    def _proposed_near(self, frame: UInt8Array, prior: Pose2) -> list[TiltedPose]:
         part = find_half_goal(self._search, self._search.picture(frame), prior)
         return [] if part is None else [_camera_of(part)]
 

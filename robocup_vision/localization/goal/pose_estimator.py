@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from field_models.errors import ArgumentError, FrameError
+from field_models.errors import ArgumentError
 from field_models.field import Field
+from robocup_vision.arguments import as_frame
 from robocup_vision.arrays import UInt8Array, plain_frame
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
@@ -84,8 +83,7 @@ class GoalPoseEstimator:
 
     def locate_camera(self, frame: UInt8Array, prior: Pose2 | None = None) -> CameraEstimate | NotLocated:
         """Locate the camera as `locate` does, with its tilt, roll and height and what was measured."""
-        self._check(frame)
-        picture = self._search.picture(plain_frame(frame))
+        picture = self._search.picture(plain_frame(as_frame(frame, self.camera.size_px)))
         candidates, reason = self._search.candidates(picture)
         found = self._verdict.locate(picture, candidates) if candidates else NotLocated(reason)
         if prior is None or not isinstance(found, NotLocated):
@@ -94,9 +92,3 @@ class GoalPoseEstimator:
         if part is None:
             return NotLocated(f"{found.reason}; too little of it confirms the prior")
         return without_lines(part, open_arc(part.model, part.fit, self.settings.lines.certain_m))
-
-    def _check(self, frame: UInt8Array) -> None:
-        width, height = self.camera.size_px
-        if not isinstance(frame, np.ndarray) or frame.dtype != np.uint8 or frame.shape != (height, width, 3):
-            got = f"{frame.dtype} {frame.shape}" if isinstance(frame, np.ndarray) else type(frame).__name__
-            raise FrameError(f"frame must be uint8 ({height}, {width}, 3) as camera.toml says, got {got}")

@@ -181,7 +181,7 @@ def test_half_a_goal_needs_a_prior(estimator):
 
 def test_bad_arguments_are_named(estimator):
     with pytest.raises(
-        FrameError, match=r"frame must be uint8 \(320, 416, 3\) as camera.toml says, got uint8 \(10, 10, 3\)"
+        FrameError, match=r"frame must be uint8 \(320, 416, 3\) as the camera file says, got uint8 \(10, 10, 3\)"
     ):
         estimator.locate(np.zeros((10, 10, 3), np.uint8))
     with pytest.raises(FrameError, match="got NoneType"):
