@@ -170,7 +170,7 @@ def marked_frames(world: MarkingWorld, seed: int, count: int) -> Iterator[Marked
             assert mirror is not None
             light = mirror.render(scene, pose)
         else:
-            tilt_std, roll_std = camera.sway_std_rad(0.0)
+            tilt_std, roll_std = camera.sway_std_rad
             tilt, roll, height = rng.standard_normal(3).tolist()
             camera = replace(camera, height_m=camera.height_m + camera.height_std_m * height)
             camera = camera.with_orientation(0.0, (camera.tilt_rad or 0.0) + tilt_std * tilt, roll_std * roll)

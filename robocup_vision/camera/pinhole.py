@@ -28,6 +28,9 @@ DISTORTION_LENGTHS = (0, 4, 5, 8)
 _WIDEST_SLOPE = 8.0  # tangent of the greatest angle off the axis of a distorted lens: 83 degrees
 # tolerance of the inverted distortion, as a slope
 _DISTORTED_STEP = 1e-12
+# standard deviation of tilt and roll about those at rest, of a walking robot, and of a roll that is not known: robots
+# hold their cameras roughly upright
+SWAY_STD_RAD, UPRIGHT_STD_RAD = 0.02, 0.1
 # step of the numerical derivative of a fisheye's radius
 _ANGLE_STEP_RAD = 1e-6
 
@@ -251,9 +254,10 @@ class PinholeCamera:
             focal_std_px=self.focal_std_px / across,
         )
 
-    def sway_std_rad(self, usual_rad: float) -> tuple[float, float]:
-        """Return the standard deviations of tilt and roll, with a default for unknown ones."""
-        roll = usual_rad if self.roll_std_rad is None else self.roll_std_rad
+    @property
+    def sway_std_rad(self) -> tuple[float, float]:
+        """Standard deviations of tilt and roll about those at rest; of a walking robot where the file has none."""
+        roll = SWAY_STD_RAD if self.roll_std_rad is None else self.roll_std_rad
         return roll if self.tilt_std_rad is None else self.tilt_std_rad, roll
 
     @property

@@ -52,7 +52,6 @@ def wall_px(walls: FloatArray, robot: Pose2, view: PolarView | FloorView) -> Flo
 class WallTiltSettings:
     """Settings of `tilt_by_walls`."""
 
-    sway_std_rad: float = 0.01  #: standard deviation of the tilt if the camera file gives no `roll_std_rad`
     #: range of the search, standard deviations of the tilt, and its step
     max_stds: float = 4.0
     step_px: float = 0.5
@@ -83,7 +82,7 @@ def tilt_by_walls(
     known = np.isfinite(past)
     if np.count_nonzero(known) < settings.min_bearings:
         return None
-    sway, _ = camera.sway_std_rad(settings.sway_std_rad)
+    sway, _ = camera.sway_std_rad
     sway_px = sway * camera.focal_px[1]
     reach = settings.max_stds * sway_px
     if reach < settings.step_px:

@@ -80,7 +80,7 @@ class _EdgeLocator:
     def of_fit(self, fit: JointFit) -> Locate:
         """Return a function that locates a fitted camera."""
         std, own = np.sqrt(np.diag(fit.covariance)), self.settings.fit
-        _, sway = fit.camera.sway_std_rad(own.sway_std_rad)
+        _, sway = fit.camera.sway_std_rad
         tilt_std = math.hypot(sway, float(std[TILT]))
         camera = replace(
             fit.camera,

@@ -27,7 +27,7 @@ from robocup_vision.calibration.least_squares import (
     solve,
 )
 from robocup_vision.camera.lens_table import lens_table
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.pinhole import SWAY_STD_RAD, PinholeCamera
 from robocup_vision.kernels.model_edges import tables
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
 
@@ -40,7 +40,7 @@ class JointFitSettings:
     """Settings of the joint fit."""
 
     #: standard deviations of a body's tilt and roll, and of its height, about their rest
-    sway_std_rad: float = 0.01
+    sway_std_rad: float = SWAY_STD_RAD
     sway_std_m: float = 0.003
     #: noise of a single sample, and common noise of the samples of an edge, in pixels of any picture; gates of the
     #: first steps in pixels of a picture 208 wide, decreasing from a start's error to the noise; and least number of
@@ -107,7 +107,7 @@ class JointFitter:
         self._finder = EdgePointFinder(field, start.size_px[0], EdgeSettings().for_unconfirmed_frames())
         scale = max(start.size_px[0] / DESIGN_WIDTH_PX, 1.0)
         self._robust = settings.robust.scaled(scale, 1.0)
-        _, sway = start.sway_std_rad(settings.sway_std_rad)
+        sway = settings.sway_std_rad if start.roll_std_rad is None else start.roll_std_rad
         self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, settings.sway_std_m**-2])
 
     def fit(self, sightings: Mapping[int, Sighting], vector: FloatArray) -> JointFit | None:

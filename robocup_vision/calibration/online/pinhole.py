@@ -17,7 +17,7 @@ from robocup_vision.calibration.least_squares import POSE_PRECISION, FrameEquati
 from robocup_vision.calibration.online.evidence import Belief, fit_frame
 from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.lens_table import lens_table
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.pinhole import SWAY_STD_RAD, PinholeCamera
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
 from robocup_vision.view import View
@@ -54,7 +54,7 @@ class PinholeEvidence:
         self.knock_std = np.array([angle, angle, own.height_std_m, 0.0, center, center])
         self.reach = 6.0 * self.std
         self.reach[CENTER], self.reach[_ANGLES] = settings.max_center_px * px, settings.max_tilt_rad
-        sway = own.sway_std_rad if camera.roll_std_rad is None else max(camera.roll_std_rad, own.sway_std_rad)
+        sway = max(camera.sway_std_rad[1], SWAY_STD_RAD)
         self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, own.sway_std_m**-2])
         self._finder = EdgePointFinder(field, camera.size_px[0], EdgeSettings(), mask)
         self._reach_px = own.reach_px * px

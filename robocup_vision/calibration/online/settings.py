@@ -39,9 +39,7 @@ class PinholeCalibrationSettings:
     center_std_px: float = 3.0
     tilt_std_rad: float = math.radians(0.5)
     height_std_m: float = 0.005
-    #: standard deviations of a walking body's tilt and roll, and of its height, which limit the information of one
-    #: frame. A greater `roll_std_rad` of a camera file is used instead.
-    sway_std_rad: float = 0.02
+    #: standard deviation of a walking body's height, which limits the information of one frame
     sway_std_m: float = 0.004
     #: readout time of a picture if the file does not state it, that of a cheap sensor: a rotation during the readout
     #: shifts rows, which is noise common to the points of an edge. If the file states it (`RollingShutter`), the second

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import BoolArray, FloatArray
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.pinhole import UPRIGHT_STD_RAD, PinholeCamera
 from robocup_vision.kernels.goal.edge_samples import weigh_samples
 from robocup_vision.kernels.goal.fit import (
     FitPriors,
@@ -61,8 +61,6 @@ class GoalFitSettings:
     edge_error_px: float = 0.075
     foot_error_px: float = 0.25
     sample_error_px: float = 0.05  #: noise of one sample in addition to the measured one
-    upright_std_rad: float = 0.1  #: roll of a camera whose file does not state it: robots hold it roughly upright
-    known_angle_std_rad: float = 0.01  #: tilt and roll of a camera whose file states them
     #: length of the search for edges in the second and the last round; the first one is an argument of `refine`
     reaches_px: tuple[float, float] = (2.0, 1.5)
     #: how far paint bleeds over its edge: the white of a goal in the sun by a pixel, paint of a hue hardly
@@ -103,13 +101,13 @@ def goal_model(
     prior[HEIGHT], std[HEIGHT] = camera.height_m, camera.height_std_m
     std[LOG_FOCAL] = camera.focal_std_px / camera.focal_px[0]
     std[BLOOM] = bloom_std_px
-    known = camera.roll_std_rad if camera.roll_std_rad is not None else settings.known_angle_std_rad
+    tilt_std_rad, roll_std_rad = camera.sway_std_rad
     if camera.tilt_rad is not None:
-        prior[TILT], std[TILT] = camera.tilt_rad, known
+        prior[TILT], std[TILT] = camera.tilt_rad, tilt_std_rad
     if camera.roll_rad is not None:
-        prior[ROLL], std[ROLL] = camera.roll_rad, known
+        prior[ROLL], std[ROLL] = camera.roll_rad, roll_std_rad
     else:
-        std[ROLL] = camera.roll_std_rad if camera.roll_std_rad is not None else settings.upright_std_rad
+        std[ROLL] = UPRIGHT_STD_RAD if camera.roll_std_rad is None else camera.roll_std_rad
     with np.errstate(divide="ignore"):
         weight = np.where(np.isinf(std), 0.0, 1.0 / np.maximum(std, 0.0) ** 2)
     return GoalModel(shape, IdealView(camera.focal_px, camera.center_px), prior, weight, settings)

@@ -75,12 +75,7 @@ class FinderSettings:
     apart: Apart = Apart(0.2, math.radians(6.0))
     #: steps of aligning: scale of the robust weight, pixels of a picture 208 wide
     gates_px: tuple[float, ...] = (20.0, 10.0, 5.0, 3.0, 3.0)
-    #: standard deviations of a pose of the bank, as the prior of its alignment
-    near_m: float = 0.12
-    near_rad: float = math.radians(3.5)
-    #: of tilt and roll about those that a search begins with; None: as of those at rest
-    near_tilt_roll_rad: tuple[float, float] | None = None
-    #: standard deviations of a proposal, as the prior of its fit
+    #: standard deviations of a proposal, as the prior of its fit; the heading's is that of a pose of the bank, too
     std_m: float = 0.10
     std_rad: float = math.radians(3.5)
     #: most fits from the last one's result without its prior, and the motions that end them
@@ -193,8 +188,13 @@ class EdgeFinder:
     @property
     def _near_std(self) -> FloatArray:
         """(5,) float64: standard deviations of a pose of the bank, and of tilt and roll, as the prior of aligning."""
-        s = self.settings
-        return np.array([s.near_m, s.near_m, s.near_rad, *(s.near_tilt_roll_rad or self._rest_std_rad)])
+        s, near_m = self.settings, self.settings.spacing_m / 2
+        return np.array([near_m, near_m, s.std_rad, *self._near_tilt_roll_rad])
+
+    @property
+    def _near_tilt_roll_rad(self) -> tuple[float, float]:
+        """Standard deviations of tilt and roll about those at which a search begins."""
+        return self._rest_std_rad
 
     @property
     def proposal_std(self) -> FloatArray:

@@ -200,7 +200,7 @@ class EdgeFollower:
         """
         self.file_camera = self.file_camera.held_as(camera)
         self.camera = camera = self.camera.held_as(camera)
-        self.sway_std_rad = tilt_std, roll_std = camera.sway_std_rad(self.settings.sway_std_rad)
+        self.sway_std_rad = tilt_std, roll_std = camera.sway_std_rad
         self._camera_prior[0, :3] = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
         at_rest = self._sway[1, :3] >= self._camera_prior[1, :3] ** 2
         self._camera_prior[1, :3] = tilt_std, roll_std, camera.height_std_m
@@ -345,7 +345,7 @@ class EdgeFollower:
     def _pass_time(self, dt_s: float) -> None:
         s = self.settings
         self._dt_s = dt_s
-        self._keep = np.exp(-dt_s / np.array([s.attitude_memory_s, s.attitude_memory_s, s.height_memory_s, 1e9]))
+        self._keep = np.exp(-dt_s / np.array([*[s.sway_memory_s] * 3, math.inf]))
 
     def follow(
         self,
@@ -429,4 +429,4 @@ class EdgeFollower:
         count = int(self._fit.figures[0])
         status = self._buffers.found.status[:count][self._telling[self._buffers.samples.feature[:count]]]
         found = int(np.count_nonzero(status == FOUND))
-        return found >= self.settings.min_telling and 2 * found > int(np.count_nonzero(status != UNSEEN))
+        return found >= self.settings.min_inliers and 2 * found > int(np.count_nonzero(status != UNSEEN))

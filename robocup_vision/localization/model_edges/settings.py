@@ -54,11 +54,9 @@ class EdgeSettings:
     bent_ratio: float = 0.4
     #: hypotheses of which the mode is chosen
     hypotheses: int = 50
-    #: least number of inliers: two may agree by chance
+    #: least number of inliers, and of samples found on edges that the field's other half lacks for a frame to show the
+    #: half: two may agree by chance
     min_inliers: int = 3
-    #: least samples found on edges that the field's other half lacks for a frame to show the half: two may agree by
-    #: chance
-    min_telling: int = 3
     #: time constant of a frame's odds in those after it
     odds_memory_s: float = 0.5
     #: a frame with lower log-odds does not support the pose
@@ -66,16 +64,12 @@ class EdgeSettings:
     #: greatest speeds of a robot and its head: a prior farther from the last answer does not continue it
     max_speed_mps: float = 4.0
     max_turn_radps: float = 10.0
-    #: tilt and roll are forgotten with this time constant: a step takes about half a second
-    attitude_memory_s: float = 0.12
-    #: of tilt and roll where the camera file gives no `roll_std_rad`
-    sway_std_rad: float = 0.02
+    #: tilt, roll and height are forgotten with this time constant: a step takes about half a second
+    sway_memory_s: float = 0.12
     #: greatest width of a line, in widths by the field file: two tapes side by side, or blur, make a line this wide
     max_line_widths: float = 3.5
     #: whether the carpet may have two tones: in the sun, bleached by glare, and in the shade
     in_sun_and_shade: bool = False
-    #: height rises and falls with the gait
-    height_memory_s: float = 0.12
     #: a frame that confirms nothing may be blurred: it is examined again reduced by these factors, to this width at
     #: least
     copy_factors: tuple[int, ...] = (2, 3)

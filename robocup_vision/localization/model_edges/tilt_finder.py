@@ -15,7 +15,7 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.camera.pinhole import Mounting, PinholeCamera
+from robocup_vision.camera.pinhole import UPRIGHT_STD_RAD, Mounting, PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.bands import line_bands
@@ -57,9 +57,8 @@ class TiltSettings:
     fit_std_rad: float = 0.015
     #: factor on these deviations, and on those of a proposed place, about the result of a fit
     settling_ratio: float = 0.3
-    #: priors of the tilt, and of the roll where the camera file has none
+    #: prior of the tilt
     tilt_std_rad: float = 0.5
-    roll_std_rad: float = 0.1
     #: a neck that nods moves the camera up and down
     height_std_m: float = 0.03
 
@@ -88,13 +87,12 @@ class TiltFinder(EdgeFinder):
         how = FinderSettings(
             scored=settings.scored,
             aligned=settings.aligned,
-            near_tilt_roll_rad=settings.bank_std_rad,
             upright_weight=0.0,
         )
         super().__init__(EdgeFollower(field, level, edges), how)
         self._bands = np.zeros((600, 4))
         focal = math.sqrt(camera.focal_px[0] * camera.focal_px[1])
-        roll_std = settings.roll_std_rad if camera.roll_std_rad is None else camera.roll_std_rad
+        roll_std = UPRIGHT_STD_RAD if camera.roll_std_rad is None else camera.roll_std_rad
         self._known_std = np.array(
             [settings.tilt_std_rad, roll_std, level.height_std_m, max(camera.focal_std_px / focal, 1e-6)]
         )
@@ -107,6 +105,10 @@ class TiltFinder(EdgeFinder):
     def _rest_std_rad(self) -> tuple[float, float]:
         tilt_std, roll_std = self._known_std[:2].tolist()
         return tilt_std, roll_std
+
+    @property
+    def _near_tilt_roll_rad(self) -> tuple[float, float]:
+        return self._tilts.bank_std_rad
 
     def _searches(self, frame: UInt8Array) -> Iterator[tuple[CluesAt, FloatArray]]:
         # each frame stands alone

@@ -20,7 +20,7 @@ from robocup_vision.kernels.balls import patterned as kernel
 from robocup_vision.kernels.balls import patterned_carpet
 from robocup_vision.perception.balls.ball import Sighting, lie_apart
 from robocup_vision.perception.balls.look import BallFrame
-from robocup_vision.perception.balls.projection import SWAY_STD_RAD, BallProjection, PinholeBallProjection
+from robocup_vision.perception.balls.projection import BallProjection, PinholeBallProjection
 
 _TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
 _DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
@@ -129,7 +129,7 @@ class PatternedLook:
         """See `BallLook.sightings`; an unknown tilt, and so the places, are estimated from the balls' sizes."""
         camera, projection = seen.camera, seen.projection
         assert isinstance(camera, PinholeCamera)
-        tilt_std, roll_std = camera.sway_std_rad(SWAY_STD_RAD)
+        tilt_std, roll_std = camera.sway_std_rad
         if isinstance(projection, PinholeBallProjection):
             tilt_std, roll_std = projection.sway_std_rad
         discs = self._discs(seen.frame, camera, projection, tilt_std)

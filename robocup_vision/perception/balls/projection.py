@@ -27,8 +27,6 @@ _MAX_HEIGHT_RADII = 11.0
 # height and its relative standard deviation if neither file nor curve gives a possible one: four mirrors of known
 # height have 5.5 to 7, an old one 9.5
 _USUAL_HEIGHT_RADII, _USUAL_HEIGHT_STD = 6.3, 0.15
-# standard deviation of tilt and roll of a forward camera if its file has none: robots nod when they start and stop
-SWAY_STD_RAD = math.radians(1.0)
 # distance of the rays' origin below a forward camera's picture, so large that they are nearly parallel
 _FAR_BELOW_PX = 20_000
 # flatter rays meet no floor in view
@@ -186,7 +184,7 @@ class PinholeBallProjection(BallProjection):
         right, low = camera.size_px
         corners = [math.hypot(u - axis_u, v - axis_v) for u in (0, right - 1) for v in (0, low - 1)]
         self._radius_m, self._held = radius_m, camera
-        file_std_rad = camera.sway_std_rad(SWAY_STD_RAD)
+        file_std_rad = camera.sway_std_rad
         #: standard deviations of tilt and roll
         self.sway_std_rad = sway_std_rad or file_std_rad
         super().__init__(
@@ -208,7 +206,7 @@ class PinholeBallProjection(BallProjection):
         """Return the same sizes with places by the camera as held in a frame."""
         other = copy(self)
         other._held = camera
-        other.sway_std_rad = sway_std_rad or camera.sway_std_rad(SWAY_STD_RAD)
+        other.sway_std_rad = sway_std_rad or camera.sway_std_rad
         return other
 
     def _on_plane(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:

@@ -59,7 +59,7 @@ class FloorErrors:
         covariance = np.zeros((5, 5))
         if held_covariance is None:
             focal_std = camera.focal_std_px / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
-            stds = np.array([*camera.sway_std_rad(settings.sway_std_rad), camera.height_std_m, focal_std])
+            stds = np.array([*camera.sway_std_rad, camera.height_std_m, focal_std])
             held_covariance = np.diag(stds**2)
         covariance[:4, :4], covariance[4, 4] = held_covariance, camera.pan_std_rad**2
         return cls(camera, _root(covariance))

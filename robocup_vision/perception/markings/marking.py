@@ -64,8 +64,6 @@ class MarkingSettings:
     #: largest ratio of a penalty mark's size to the expected one, and its inverse the smallest
     spot_size_ratio: float = 1.5
     spot_std_px: float = 0.12  #: standard deviation of a penalty mark's middle in the picture
-    #: standard deviation of a forward camera's tilt and roll if its file has none, of a walking robot
-    sway_std_rad: float = 0.02
 
 
 CrossingKind = Literal["L", "T", "X"]

@@ -70,7 +70,7 @@ def held(camera, rng):
     """Return a forward camera off by what it states."""
     if not isinstance(camera, PinholeCamera):
         return camera
-    tilt, roll = rng.standard_normal(2) * camera.sway_std_rad(0.0)
+    tilt, roll = rng.standard_normal(2) * camera.sway_std_rad
     return camera.with_orientation(0.0, camera.tilt_rad + tilt, roll)
 
 
