@@ -11,7 +11,7 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate, pose_of
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.geometry import HEADING, HEIGHT, LOG_FOCAL, ROLL, TILT, X, Y
-from robocup_vision.localization.goal.half_goal import find_half_goal
+from robocup_vision.localization.goal.half_goal import PRIOR_STD_M, PRIOR_STD_RAD, find_half_goal
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.localization.goal.search import Candidate, GoalSearch
 from robocup_vision.localization.localizer import FrameByFrame, FrameEvidence, Localization
@@ -85,9 +85,9 @@ class HueGoals(_Goals):
         found = self._by_edges.find(frame) if self._has_lines else None
         if not found:
             return None
-        near, settings = _nearer(found.estimate, prior), self._goal.settings.prior
+        near = _nearer(found.estimate, prior)
         distance_m, angle_rad = near.pose.error_to(prior)
-        is_near = distance_m <= 3 * settings.std_m and angle_rad <= 3 * settings.std_rad
+        is_near = distance_m <= 3 * PRIOR_STD_M and angle_rad <= 3 * PRIOR_STD_RAD
         return _seen(found, near, camera) if is_near else None
 
 

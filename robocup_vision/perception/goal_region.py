@@ -30,15 +30,22 @@ from robocup_vision.kernels.goal.paint.white import (
     median_size,
 )
 
-
-@dataclass(frozen=True, slots=True)
-class GoalColorSettings:
-    """Settings of the search for goal paint of a hue."""
-
-    min_saturation: float = 0.30  #: a third of full paint; with less, glare looks white
-    min_value: int = 25  #: of 255; hue is noise below
-    min_shine: int = 170  #: level, in all channels, of paint that a lamp overexposes to white
-    max_cast: float = 1.3  #: strongest colour cast that is corrected by the image's bright end; a stronger one is paint
+# a third of full paint's saturation; with less, glare looks white
+_MIN_SATURATION = 0.30
+# level below which hue is noise
+_MIN_VALUE = 25
+# level, in all channels, of paint that a lamp overexposes to white
+_MIN_SHINE = 170
+# strongest colour cast that is corrected by the image's bright end; a stronger one is paint
+_MAX_CAST = 1.3
+# lean of a post in the image, columns for each row: 15 degrees of roll and perspective
+_MAX_LEAN = 0.27
+# thinner strips are noise; posts are at least 3 px wide at the scale of the search
+_MIN_WIDTH_PX = 2.5
+# largest gap within a post, in its widths: in clutter, and in paint of the right hue, which glare interrupts
+_MAX_GAP_WIDTHS, _MAX_PAINT_GAP_WIDTHS = 2.0, 7.0
+# least height of a strip, in its widths: in clutter, and in paint of the right hue
+_MIN_ASPECT, _MIN_PAINT_ASPECT = 1.3, 1.0
 
 
 def is_chromatic(color: str) -> bool:
@@ -67,22 +74,20 @@ def hue_families(field: Field) -> dict[str, tuple[float, float]]:
     return families
 
 
-def white_gains(image: UInt8Array, settings: GoalColorSettings = GoalColorSettings()) -> npt.NDArray[np.float64]:
+def white_gains(image: UInt8Array) -> npt.NDArray[np.float64]:
     """Return factors (3,) for B, G, R that make the image's bright end white."""
     coarse = image[::4, ::4].reshape(-1, 3)
     bright = np.array([np.partition(coarse[:, c], -len(coarse) // 20)[-len(coarse) // 20] for c in range(3)], float)
     gains = bright.max() / np.maximum(bright, 1.0)
-    return np.asarray(np.minimum(gains, settings.max_cast), np.float64)
+    return np.asarray(np.minimum(gains, _MAX_CAST), np.float64)
 
 
-def hue_masks(
-    image: UInt8Array, families: dict[str, tuple[float, float]], settings: GoalColorSettings = GoalColorSettings()
-) -> dict[str, UInt8Array]:
+def hue_masks(image: UInt8Array, families: dict[str, tuple[float, float]]) -> dict[str, UInt8Array]:
     """Return masks (H, W) uint8, 255 on paint, one for each hue family."""
-    balanced, hsv = _balanced(image, settings)
+    balanced, hsv = _balanced(image)
     masks = {}
     for color, (low, high) in families.items():
-        least = np.array([max(low, 0.0), 255 * settings.min_saturation, settings.min_value])
+        least = np.array([max(low, 0.0), 255 * _MIN_SATURATION, _MIN_VALUE])
         most = np.array([min(high, 179.0), 255, 255])
         mask = cv2.inRange(hsv, least, most)
         for wrapped_low, wrapped_high in ((low + 180.0, 179.0), (0.0, high - 180.0)):
@@ -90,42 +95,28 @@ def hue_masks(
                 least[0], most[0] = wrapped_low, wrapped_high
                 mask = cv2.bitwise_or(mask, cv2.inRange(hsv, least, most))
         masks[color] = np.asarray(mask, np.uint8)
-        _fill(masks[color], balanced, settings.min_shine)
+        _fill(masks[color], balanced)
     return masks
 
 
-def _balanced(image: UInt8Array, settings: GoalColorSettings) -> tuple[UInt8Array, UInt8Array]:
+def _balanced(image: UInt8Array) -> tuple[UInt8Array, UInt8Array]:
     """Return the white-balanced image, and its hue, saturation and value."""
-    gains = white_gains(image, settings)
+    gains = white_gains(image)
     balanced = image if np.all(gains < 1.02) else np.asarray(cv2.LUT(image, _gain_table(gains)), np.uint8)
     return balanced, np.asarray(cv2.cvtColor(balanced, cv2.COLOR_BGR2HSV), np.uint8)
 
 
-def _fill(mask: UInt8Array, balanced: UInt8Array, min_shine: int) -> None:
+def _fill(mask: UInt8Array, balanced: UInt8Array) -> None:
     """Add overexposed pixels that paint surrounds, along rows (posts), then along columns (the bar)."""
     u, v, width, height = cv2.boundingRect(mask)
     box = np.s_[v : v + height, u : u + width]
     for upright in (False, True):
-        fill_shine(mask[box], balanced[box], min_shine, mask.shape[1] // 8, upright)
+        fill_shine(mask[box], balanced[box], _MIN_SHINE, mask.shape[1] // 8, upright)
 
 
 def _gain_table(gains: npt.NDArray[np.float64]) -> UInt8Array:
     ramp = np.arange(256)[:, None] * gains
     return np.minimum(np.rint(ramp), 255).astype(np.uint8).reshape(1, 256, 3)
-
-
-@dataclass(frozen=True, slots=True)
-class StripSettings:
-    """Settings of the search for upright strips."""
-
-    max_lean: float = 0.27  #: of a post in the image, columns for each row: 15 degrees of roll and perspective
-    min_width_px: float = 2.5  #: thinner strips are noise; posts are at least 3 px wide at the scale of the search
-    #: largest gap within a post, in its widths: in clutter, and in paint of the right hue, which glare interrupts
-    max_gap_widths: float = 2.0
-    max_paint_gap_widths: float = 7.0
-    #: least height of a strip, in its widths: in clutter, and in paint of the right hue
-    min_aspect: float = 1.3
-    min_paint_aspect: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,9 +177,7 @@ def whiteness(image: UInt8Array) -> UInt8Array:
     return least
 
 
-def white_runs(
-    white: UInt8Array, row_step: int, settings: StripSettings = StripSettings()
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def white_runs(white: UInt8Array, row_step: int) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Find white stretches between a rising and a falling edge, in bands of rows.
 
     Parameters
@@ -209,7 +198,7 @@ def white_runs(
     # edges of one direction are never adjacent
     room = RUNS_PER_RISE * len(gradient) * (width // 2)
     runs = np.empty((4, room))
-    count = find_white_runs(gradient, row_step, noise, (settings.min_width_px, float(width // 8)), WhiteRuns(*runs))
+    count = find_white_runs(gradient, row_step, noise, (_MIN_WIDTH_PX, float(width // 8)), WhiteRuns(*runs))
     row, left, right, contrast = runs[:, :count]
     return row, left, right, contrast
 
@@ -228,7 +217,6 @@ def strips(
     carpet: UInt8Array,
     *,
     certain: bool,
-    settings: StripSettings = StripSettings(),
 ) -> list[Strip]:
     """Link runs into upright strips, join the pieces of one post and find where each stands on the carpet.
 
@@ -241,7 +229,7 @@ def strips(
     """
     row, left, right, contrast = (np.ascontiguousarray(part) for part in runs)
     chain = np.empty(len(row), np.int64)
-    chains = link_runs(row, left, right, settings.max_lean, 4.0 * row_step, chain)
+    chains = link_runs(row, left, right, _MAX_LEAN, 4.0 * row_step, chain)
     order = np.argsort(chain, kind="stable")
     bounds = np.searchsorted(chain[order], np.arange(chains + 1))
     summary = np.empty((chains, 6))
@@ -250,9 +238,9 @@ def strips(
     # the longest first, for `_join`
     kept = sorted(np.flatnonzero(tall & (np.diff(bounds) >= 3)), key=lambda k: bounds[k] - bounds[k + 1])
     pieces = [order[bounds[k] : bounds[k + 1]] for k in kept]
-    max_gap = settings.max_paint_gap_widths if certain else settings.max_gap_widths
-    min_aspect = settings.min_paint_aspect if certain else settings.min_aspect
-    limits = StripLimits(min_aspect, settings.max_lean, 0.8 * settings.min_width_px)
+    max_gap = _MAX_PAINT_GAP_WIDTHS if certain else _MAX_GAP_WIDTHS
+    min_aspect = _MIN_PAINT_ASPECT if certain else _MIN_ASPECT
+    limits = StripLimits(min_aspect, _MAX_LEAN, 0.8 * _MIN_WIDTH_PX)
     found = [
         strip
         for members in _join(pieces, summary[kept], row, (left + right) / 2, max_gap)

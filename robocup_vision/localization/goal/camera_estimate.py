@@ -11,7 +11,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.arc import GoalArc
-from robocup_vision.localization.goal.fit import GoalFit, covariance_of
+from robocup_vision.localization.goal.fit import INLIER_PX, GoalFit, covariance_of
 from robocup_vision.localization.goal.geometry import HEADING, X, Y, pose_of
 from robocup_vision.localization.goal.search import Candidate
 
@@ -45,7 +45,7 @@ class CameraEstimate:
             residual, ratio = self.lines.residual_px, self.lines.line_ratio
         else:
             edges = self.fit.residual_px[: len(self.fit.samples.edge)]
-            residual = edges[np.abs(edges) < self.fit.settings.inlier_px]
+            residual = edges[np.abs(edges) < INLIER_PX]
             ratio = len(residual) / max(len(edges), 1)
         covariance = self.covariance[_POSE]
         pose = pose_of(self.unknowns)

@@ -20,18 +20,13 @@ from robocup_vision.localization.goal.arc import FitsByHeading
 from robocup_vision.localization.goal.fit import GoalModel
 from robocup_vision.perception.goal_region import carpet_mask
 
-
-@dataclass(frozen=True, slots=True)
-class DrawingSettings:
-    """How lines are drawn and compared with the picture."""
-
-    blur_px: float = 0.75  #: standard deviation of the drawn lines' blur: a small camera's optics and chip
-    pixels_for_one: float = 25.0  #: number of pixels that count as one measurement: errors of neighbours are correlated
-    #: steps to either side of a heading, and how often they are halved
-    steps: int = 5
-    halvings: int = 4
-    #: common error of all drawn lines of lens, blur and paint that the drawing leaves out
-    drawn_to_px: float = 0.15
+_BLUR_PX = 0.75  # standard deviation of the drawn lines' blur: a small camera's optics and chip
+_PIXELS_FOR_ONE = 25.0  # number of pixels that count as one measurement: errors of neighbours are correlated
+# steps to either side of a heading, and how often they are halved
+_STEPS = 5
+_HALVINGS = 4
+# common error of all drawn lines of lens, blur and paint that the drawing leaves out
+_DRAWN_TO_PX = 0.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,8 +41,8 @@ class Drawn:
 class LineDrawing:
     """Compares drawn lines, see `line_pen`, with one frame (H, W, 3) uint8, BGR."""
 
-    def __init__(self, frame: UInt8Array, pen: LinePen, settings: DrawingSettings = DrawingSettings()) -> None:
-        self._settings, self._pen = settings, pen
+    def __init__(self, frame: UInt8Array, pen: LinePen) -> None:
+        self._pen = pen
         around = np.ones((AROUND, AROUND), np.uint8)
         carpet = np.asarray(cv2.morphologyEx(carpet_mask(frame), cv2.MORPH_CLOSE, around), np.uint8)
         rows = np.flatnonzero(carpet.any(axis=1))
@@ -71,7 +66,7 @@ class LineDrawing:
         if both <= 0.0 or own <= 0.0:
             return 0.0
         unexplained = max(1.0 - both * both / (own * self._light_square), 1e-9)
-        return -0.5 * self._pixels / self._settings.pixels_for_one * math.log(unexplained)
+        return -0.5 * self._pixels / _PIXELS_FOR_ONE * math.log(unexplained)
 
     def settle(self, model: GoalModel, samples: FitSamples, start: FloatArray, reach_rad: float) -> Drawn | None:
         """Find the heading within `reach_rad` at which the drawn lines agree best, all else by the samples.
@@ -80,7 +75,7 @@ class LineDrawing:
         """
         if not self._shows_carpet:
             return None
-        fits, steps = FitsByHeading(model, samples, start), self._settings.steps
+        fits, steps = FitsByHeading(model, samples, start), _STEPS
 
         def value(turn: float) -> float:
             found = fits.at(turn)
@@ -88,7 +83,7 @@ class LineDrawing:
 
         step = reach_rad / steps
         likelihood, turn = max((value(k * step), k * step) for k in range(-steps, steps + 1))
-        for _ in range(self._settings.halvings):
+        for _ in range(_HALVINGS):
             step /= 2
             likelihood, turn = max((likelihood, turn), *((value(at), at) for at in (turn - step, turn + step)))
         near = [fits.at(turn + offset) for offset in (-2 * step, 0.0, 2 * step)]
@@ -98,7 +93,7 @@ class LineDrawing:
         along = (after[0] - before[0]) / (4 * step)
         motion = self._motion_px2(model, before[0], after[0]) / (4 * step) ** 2
         # a faint drawing is located as well as noise allows, a plain one as well as the model describes the picture
-        off_px2 = self._settings.drawn_to_px**2 + self._settings.blur_px**2 / likelihood
+        off_px2 = _DRAWN_TO_PX**2 + _BLUR_PX**2 / likelihood
         covariance = best[2] + np.outer(along, along) * off_px2 / max(motion, 1e-9 * off_px2)
         return Drawn(likelihood, best[0], covariance)
 
@@ -112,8 +107,6 @@ class LineDrawing:
         return float(((drawn[1] - drawn[0]) ** 2).sum()) / max(steepness, 1e-12)
 
 
-def line_pen(
-    points: FloatArray, starts: Int64Array, line_width_m: float, settings: DrawingSettings = DrawingSettings()
-) -> LinePen:
+def line_pen(points: FloatArray, starts: Int64Array, line_width_m: float) -> LinePen:
     """Return lines to draw by points (N, 2) along them, field frame, metres, and each line's first point, then N."""
-    return LinePen(points, starts, float(line_width_m), stroke_table(settings.blur_px))
+    return LinePen(points, starts, float(line_width_m), stroke_table(_BLUR_PX))

@@ -23,16 +23,12 @@ FOOT_OFFSETS = np.array([-0.7, -0.35, 0.0, 0.35, 0.7])
 _NO_MASK = np.empty((0, 0), np.uint8)
 
 
-@dataclass(frozen=True, slots=True)
-class EdgeSampleSettings:
-    """Where edges are sampled."""
-
-    spacing_px: float = 2.0  #: between samples on an edge: the noise of nearer ones is correlated
-    max_samples: int = 40  #: of one edge: more take time and hardly improve a fit
-    paint_depth_px: float = 3.0  #: how far inside an edge there must be paint of the goal's colour
-    #: colour difference (BGR) paint - carpet at a foot. Greenness finds the carpet: brightness steps at sun patches and
-    #: lines as well.
-    foot_towards: tuple[float, float, float] = (0.5, -1.0, 0.5)
+_SPACING_PX = 2.0  # between samples on an edge: the noise of nearer ones is correlated
+_MAX_SAMPLES = 40  # of one edge: more take time and hardly improve a fit
+_PAINT_DEPTH_PX = 3.0  # how far inside an edge there must be paint of the goal's colour
+# colour difference (BGR) paint - carpet at a foot. Greenness finds the carpet: brightness steps at sun patches and
+# lines as well.
+_FOOT_TOWARDS = (0.5, -1.0, 0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +106,6 @@ def measure(
     unknowns: FloatArray,
     reach_px: float,
     appearance: EdgeAppearance,
-    settings: EdgeSampleSettings = EdgeSampleSettings(),
 ) -> EdgeSamples | None:
     """Measure silhouette edges and feet of a goal in a BGR frame, within `reach_px` of their places by `unknowns` (8,).
 
@@ -120,7 +115,7 @@ def measure(
     points = np.empty((2 * EDGES + 2 * feet, 2))
     if not goal_points(goal_scene(shape, view), unknowns, points):
         return None
-    capacity = EDGES * settings.max_samples + feet
+    capacity = EDGES * _MAX_SAMPLES + feet
     found = FoundEdges(
         np.empty(capacity, np.int64),
         np.empty((capacity, 2)),
@@ -128,14 +123,14 @@ def measure(
         np.empty(capacity),
         np.empty(EDGES, np.int64),
     )
-    due = DueEdges(from_ideal(camera, points), feet, settings.spacing_px, settings.max_samples, reach_px)
+    due = DueEdges(from_ideal(camera, points), feet, _SPACING_PX, _MAX_SAMPLES, reach_px)
     look = EdgeLook(
         appearance.towards,
-        np.array(settings.foot_towards),
+        np.array(_FOOT_TOWARDS),
         appearance.glare,
         appearance.grey,
         _NO_MASK if appearance.paint is None else appearance.paint,
-        settings.paint_depth_px,
+        _PAINT_DEPTH_PX,
     )
     edges, seen_feet = sample_edges(image, due, look, found)
     last = edges + seen_feet

@@ -26,7 +26,6 @@ from robocup_vision.localization.goal.edges import (
     FOOT_OFFSETS,
     EdgeAppearance,
     EdgeSamples,
-    EdgeSampleSettings,
     goal_scene,
     measure,
 )
@@ -47,26 +46,21 @@ from robocup_vision.localization.goal.geometry import (
 _FIRST_EDGES, _BOTH_POSTS = np.arange(EDGES) != BAR_BOTTOM, np.ones(2, bool)
 
 
-@dataclass(frozen=True, slots=True)
-class GoalFitSettings:
-    """Settings of the fit of a camera to one goal."""
-
-    #: an edge sample nearer than this to the fit's edge agrees with it; a foot sample within twice that
-    inlier_px: float = 0.5
-    #: weight of a foot sample beside an edge sample: feet alone separate the two branches of a plane's picture, and are
-    #: few
-    foot_weight: float = 3.0
-    #: common error of a whole edge or foot, however many samples it has: paint, shading, posts that are no perfect
-    #: cylinders
-    edge_error_px: float = 0.075
-    foot_error_px: float = 0.25
-    sample_error_px: float = 0.05  #: noise of one sample in addition to the measured one
-    #: length of the search for edges in the second and the last round; the first one is an argument of `refine`
-    reaches_px: tuple[float, float] = (2.0, 1.5)
-    #: how far paint bleeds over its edge: the white of a goal in the sun by a pixel, paint of a hue hardly
-    bloom_std_white_px: float = 0.7
-    bloom_std_hue_px: float = 0.15
-    edges: EdgeSampleSettings = EdgeSampleSettings()
+# an edge sample nearer than this to the fit's edge agrees with it; a foot sample within twice that
+INLIER_PX = 0.5
+# weight of a foot sample beside an edge sample: feet alone separate the two branches of a plane's picture, and are
+# few
+_FOOT_WEIGHT = 3.0
+# common error of a whole edge or foot, however many samples it has: paint, shading, posts that are no perfect
+# cylinders
+_EDGE_ERROR_PX = 0.075
+_FOOT_ERROR_PX = 0.25
+_SAMPLE_ERROR_PX = 0.05  # noise of one sample in addition to the measured one
+# length of the search for edges in the second and the last round; the first one is an argument of `refine`
+_REACHES_PX = (2.0, 1.5)
+# how far paint bleeds over its edge: the white of a goal in the sun by a pixel, paint of a hue hardly
+BLOOM_STD_WHITE_PX = 0.7
+BLOOM_STD_HUE_PX = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +73,6 @@ class GoalModel:
     #: (8,) float64: expected unknowns, and their inverse variances
     prior: FloatArray
     weight: FloatArray
-    settings: GoalFitSettings = GoalFitSettings()
 
     scene: GoalScene = field(init=False)
     priors: FitPriors = field(init=False)
@@ -92,9 +85,7 @@ class GoalModel:
         object.__setattr__(self, "tightness", np.sqrt(np.where(np.isinf(self.weight), 0.0, self.weight)))
 
 
-def goal_model(
-    shape: GoalShape, camera: PinholeCamera, bloom_std_px: float, settings: GoalFitSettings = GoalFitSettings()
-) -> GoalModel:
+def goal_model(shape: GoalShape, camera: PinholeCamera, bloom_std_px: float) -> GoalModel:
     """Priors as the camera file gives them: height, focal length, and tilt and roll where they are known."""
     prior = np.zeros(UNKNOWNS)
     std = np.full(UNKNOWNS, np.inf)
@@ -110,7 +101,7 @@ def goal_model(
         std[ROLL] = UPRIGHT_STD_RAD if camera.roll_std_rad is None else camera.roll_std_rad
     with np.errstate(divide="ignore"):
         weight = np.where(np.isinf(std), 0.0, 1.0 / np.maximum(std, 0.0) ** 2)
-    return GoalModel(shape, IdealView(camera.focal_px, camera.center_px), prior, weight, settings)
+    return GoalModel(shape, IdealView(camera.focal_px, camera.center_px), prior, weight)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +113,6 @@ class GoalFit:
     samples: EdgeSamples  #: what was measured last
     residual_px: FloatArray  #: (N + M,) float64: of its edge samples and foot samples
     edge_ratio: FloatArray  #: (6,) float64: inliers among the expected samples of each silhouette edge
-    settings: GoalFitSettings
 
     @property
     def score(self) -> float:
@@ -131,7 +121,7 @@ class GoalFit:
         A scale that adapted to the residuals would take the mirror branch, whose edges lie half a pixel off, for a
         noisy picture of the right one.
         """
-        return agreement(self.samples, self.residual_px, self.settings)
+        return agreement(self.samples, self.residual_px)
 
     @property
     def element_ratios(self) -> tuple[float, float, float]:
@@ -141,9 +131,9 @@ class GoalFit:
         return float(left), float(right), float(bar)
 
 
-def agreement(samples: EdgeSamples, residual_px: FloatArray, settings: GoalFitSettings) -> float:
+def agreement(samples: EdgeSamples, residual_px: FloatArray) -> float:
     """Score of a fit with these residuals (N + M,), see `GoalFit.score`."""
-    n, limit, weight = len(samples.edge), settings.inlier_px, settings.foot_weight
+    n, limit, weight = len(samples.edge), INLIER_PX, _FOOT_WEIGHT
     score = np.maximum(0.0, 1.0 - (residual_px / limit) ** 2)
     score[n:] = weight * np.maximum(0.0, 1.0 - (residual_px[n:] / (2 * limit)) ** 2)
     # a foot may be hidden: its absence counts less against the goal than its presence for it
@@ -172,9 +162,9 @@ def covariance_of(model: GoalModel, information: FloatArray) -> FloatArray:
     return np.where(fixed | fixed[:, None], 0.0, np.linalg.inv(information))
 
 
-def weigh(samples: EdgeSamples, settings: GoalFitSettings = GoalFitSettings()) -> EdgeSamples:
+def weigh(samples: EdgeSamples) -> EdgeSamples:
     """Add the common error of each whole edge and foot to the samples' noise."""
-    errors = (settings.sample_error_px, settings.edge_error_px, settings.foot_error_px)
+    errors = (_SAMPLE_ERROR_PX, _EDGE_ERROR_PX, _FOOT_ERROR_PX)
     sigma = np.empty(len(samples.sigma))
     weigh_samples(samples.edge, samples.foot_post, samples.sigma, errors, sigma)
     return replace(samples, sigma=sigma)
@@ -207,8 +197,7 @@ def refine(
 
     The bar's lower edge waits until the rest holds: the net's own bar runs close below it.
     """
-    settings = model.settings
-    second_px, last_px = settings.reaches_px
+    second_px, last_px = _REACHES_PX
     p, information = start, np.zeros((UNKNOWNS, UNKNOWNS))
     samples = None
     for reach, scales in (
@@ -216,22 +205,22 @@ def refine(
         (second_px, np.array([1.0, 1.0, 1.0])),
         (last_px, np.array([1.0, 1.0])),
     ):
-        measured = measure(image, camera, model.view, model.shape, p, reach, appearance, settings.edges)
+        measured = measure(image, camera, model.view, model.shape, p, reach, appearance)
         if measured is None or len(measured.edge) < 12:
             return None
-        samples = weigh(measured, settings)
+        samples = weigh(measured)
         used = only(samples, _FIRST_EDGES, _BOTH_POSTS) if reach > second_px else samples
         p, cost, information = fit(model, used, p, scales)
         if not math.isfinite(cost):
             return None
     assert samples is not None
     residual = residuals(model, samples, p)
-    inlier = np.abs(residual[: len(samples.edge)]) < settings.inlier_px
+    inlier = np.abs(residual[: len(samples.edge)]) < INLIER_PX
     ratio = np.bincount(samples.edge[inlier], minlength=EDGES) / np.maximum(samples.expected, 4)
     # an edge's common error grows with its samples' scatter: blur, compression and glare cause both
     scatter = float(np.mean(residual[: len(samples.edge)][inlier] ** 2)) if inlier.any() else 0.0
-    information = information / max(1.0, scatter / settings.edge_error_px**2)
-    return GoalFit(p, information, samples, residual, ratio, settings)
+    information = information / max(1.0, scatter / _EDGE_ERROR_PX**2)
+    return GoalFit(p, information, samples, residual, ratio)
 
 
 def residuals(model: GoalModel, samples: EdgeSamples, unknowns: FloatArray) -> FloatArray:

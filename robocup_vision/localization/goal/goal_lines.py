@@ -8,7 +8,7 @@ one more sample of the goal's own fit.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -28,43 +28,31 @@ from robocup_vision.localization.goal.geometry import EDGES, HEADING, X, Y
 from robocup_vision.localization.goal.search import Candidate
 from robocup_vision.localization.lines.line_map import LineMap
 
-
-@dataclass(frozen=True, slots=True)
-class MarkSettings:
-    """Where lines are measured, what they look like at one place, and how often one is seen."""
-
-    spacing_px: float = 6.0  #: between places on a line
-    #: lines that look narrower are left out; those thinner than a pixel are averaged along themselves
-    min_width_px: float = 0.15
-    clear_px: float = 2.5  #: between the edges of two lines; where they come nearer, both are left out
-    along_px: float = 3.0  #: length of line over which one place is averaged
-    #: ridges fainter than this fraction of the median contrast are no lines; lines narrower than the width have less
-    #: contrast in proportion
-    min_contrast: float = 0.4
-    contrast_width_px: float = 1.5
-    sample_error_px: float = 0.4  #: noise of one place
-    line_error_px: float = 0.045  #: common error of all places: lens and paint
-    seen_ratio: float = 0.8  #: probability of seeing a line that is due
-    clutter_ratio: float = 0.2  #: probability that something passes for a line where none is due
-
-
-@dataclass(frozen=True, slots=True)
-class GoalLineSettings:
-    """Settings of the fit of a goal and the lines around it."""
-
-    marks: MarkSettings = MarkSettings()
-    #: longest search from a line's predicted place, round by round; the loss's scale is a part of it
-    reaches_px: tuple[float, ...] = (8.0, 4.0, 2.5)
-    scale_ratio: float = 0.4
-    same_m: float = 0.2  #: fits nearer to each other count as one
-    reach_on_arc_stds: float = 2.5  #: longest way along the arc by drawn lines, in standard deviations of the fit
-    #: a goal that leaves its camera's position more uncertain than this is searched along its arc
-    certain_m: float = 0.06
-    iterations: int = 4  #: steps of each round
-    reweighted: int = 3  #: last rounds, whose weights follow the residuals of the round before
-    #: edges farther off are no edges of the goal, and tell nothing of the others: blur moves one by half a pixel
-    max_edge_error_px: float = 0.5
-    prior_marks: float = 4.0  #: number of marks of the expected noise that are added to those whose scatter is measured
+_SPACING_PX = 6.0  # between places on a line
+# lines that look narrower are left out; those thinner than a pixel are averaged along themselves
+_MIN_WIDTH_PX = 0.15
+_CLEAR_PX = 2.5  # between the edges of two lines; where they come nearer, both are left out
+_ALONG_PX = 3.0  # length of line over which one place is averaged
+# ridges fainter than this fraction of the median contrast are no lines; lines narrower than the width have less
+# contrast in proportion
+_MIN_CONTRAST = 0.4
+_CONTRAST_WIDTH_PX = 1.5
+_SAMPLE_ERROR_PX = 0.4  # noise of one place
+_LINE_ERROR_PX = 0.045  # common error of all places: lens and paint
+_SEEN_RATIO = 0.8  # probability of seeing a line that is due
+CLUTTER_RATIO = 0.2  # probability that something passes for a line where none is due
+# longest search from a line's predicted place, round by round; the loss's scale is a part of it
+_REACHES_PX = (8.0, 4.0, 2.5)
+_SCALE_RATIO = 0.4
+SAME_M = 0.2  # fits nearer to each other count as one
+_REACH_ON_ARC_STDS = 2.5  # longest way along the arc by drawn lines, in standard deviations of the fit
+# a goal that leaves its camera's position more uncertain than this is searched along its arc
+CERTAIN_M = 0.06
+_ITERATIONS = 4  # steps of each round
+_REWEIGHTED = 3  # last rounds, whose weights follow the residuals of the round before
+# edges farther off are no edges of the goal, and tell nothing of the others: blur moves one by half a pixel
+_MAX_EDGE_ERROR_PX = 0.5
+_PRIOR_MARKS = 4.0  # number of marks of the expected noise that are added to those whose scatter is measured
 
 
 class Marks(NamedTuple):
@@ -76,12 +64,12 @@ class Marks(NamedTuple):
     reach_px: float  #: length of the search to both sides
     is_seen: BoolArray  #: (N,): whether a line is seen
 
-    def added_to(self, samples: FitSamples, settings: MarkSettings) -> FitSamples:
+    def added_to(self, samples: FitSamples) -> FitSamples:
         """Add the marks that are seen to a goal's samples."""
         seen = self.is_seen
         count = np.count_nonzero(seen)
         # what all have in common counts for each
-        sigma = math.sqrt(settings.sample_error_px**2 + settings.line_error_px**2 * count)
+        sigma = math.sqrt(_SAMPLE_ERROR_PX**2 + _LINE_ERROR_PX**2 * count)
         return samples._replace(
             mark_m=self.floor_m[seen],
             mark_uv=self.uv[seen],
@@ -89,11 +77,11 @@ class Marks(NamedTuple):
             sigma=np.append(samples.sigma, np.full(count, sigma)),
         )
 
-    def nats(self, residual_px: FloatArray, settings: MarkSettings) -> float:
+    def nats(self, residual_px: FloatArray) -> float:
         """Log-likelihood ratio of lines to clutter, by residuals (N,); those not seen do not count."""
-        seen, spread_px = settings.seen_ratio, settings.sample_error_px
+        seen, spread_px = _SEEN_RATIO, _SAMPLE_ERROR_PX
         near = np.exp(-0.5 * (residual_px / spread_px) ** 2) / (spread_px * math.sqrt(math.tau))
-        anywhere = settings.clutter_ratio / (2.0 * self.reach_px)
+        anywhere = CLUTTER_RATIO / (2.0 * self.reach_px)
         of_seen = np.log1p(seen * (near / anywhere - 1.0))
         return float(np.where(self.is_seen, of_seen, math.log1p(-seen)).sum())
 
@@ -108,12 +96,11 @@ _Fitted = tuple[float, LineFit, FitSamples]
 class GoalLines:
     """Fits goals and the lines of one field together."""
 
-    def __init__(self, lines: LineMap, camera: PinholeCamera, settings: GoalLineSettings = GoalLineSettings()) -> None:
-        self._settings, self._camera = settings, camera
+    def __init__(self, lines: LineMap, camera: PinholeCamera) -> None:
+        self._camera = camera
         line_width_m = float(lines.field.line_width_m)
         self._points, self._directions, starts = along_lines(lines)
-        marks = settings.marks
-        self._limits = MarkLimits(line_width_m, marks.spacing_px, marks.min_width_px)
+        self._limits = MarkLimits(line_width_m, _SPACING_PX, _MIN_WIDTH_PX)
         self._pen = line_pen(self._points, starts, line_width_m)
 
     def join(self, frame: UInt8Array, goal: Candidate, arc: GoalArc | None) -> list[CameraEstimate]:
@@ -144,10 +131,10 @@ class GoalLines:
 
         The maximum is reached where all of them are seen exactly at their places.
         """
-        marks = self._look(frame, model, p, self._settings.reaches_px[-1])
+        marks = self._look(frame, model, p, _REACHES_PX[-1])
         exact = marks._replace(is_seen=np.ones_like(marks.is_seen))
-        nats = marks.nats(self._residual(model, marks, p), self._settings.marks)
-        return nats, exact.nats(np.zeros(len(marks.uv)), self._settings.marks)
+        nats = marks.nats(self._residual(model, marks, p))
+        return nats, exact.nats(np.zeros(len(marks.uv)))
 
     def _residual(self, model: GoalModel, marks: Marks, p: FloatArray) -> FloatArray:
         residual = np.empty(len(marks.uv))
@@ -159,9 +146,9 @@ class GoalLines:
         settled: list[_Fitted] = []
         fits = sorted(fits, key=lambda t: -t[0])
         places = np.array([line_fit.unknowns[[X, Y, HEADING]] for _, line_fit, _ in fits]).reshape(-1, 3)
-        for k in Apart(self._settings.same_m / 2).first(places, len(fits)):
+        for k in Apart(SAME_M / 2).first(places, len(fits)):
             _, line_fit, samples = fits[k]
-            reach = self._settings.reach_on_arc_stds * math.sqrt(line_fit.covariance[HEADING, HEADING])
+            reach = _REACH_ON_ARC_STDS * math.sqrt(line_fit.covariance[HEADING, HEADING])
             drawn = drawing.settle(model, samples, line_fit.unknowns, reach)
             if drawn is not None:
                 moved = replace(line_fit, unknowns=drawn.unknowns, covariance=drawn.covariance)
@@ -177,21 +164,20 @@ class GoalLines:
 
     def _fit(self, frame: UInt8Array, model: GoalModel, of_goal: FitSamples, p: FloatArray) -> _Fitted | None:
         """Fit goal and lines from one start; returns the evidence, the goal's own included, the fit and its samples."""
-        settings = self._settings
         joined, marks = of_goal, None
         scales = np.empty(0)
-        for reach in settings.reaches_px:
+        for reach in _REACHES_PX:
             marks = self._look(frame, model, p, reach)
             if not marks.is_seen.any():
                 return None
-            joined = marks.added_to(of_goal, settings.marks)
-            scales = np.full(settings.iterations, settings.scale_ratio * reach)
+            joined = marks.added_to(of_goal)
+            scales = np.full(_ITERATIONS, _SCALE_RATIO * reach)
             p, cost, information = fit_samples(model, joined, p, scales)
             if not math.isfinite(cost):
                 return None
         assert marks is not None
         expected = joined.sigma
-        for _ in range(settings.reweighted):
+        for _ in range(_REWEIGHTED):
             residual = sample_residuals(model, joined, p)
             joined = joined._replace(sigma=self._reweighted(joined.edge, residual, expected, len(of_goal.sigma)))
             p, cost, information = fit_samples(model, joined, p, scales)
@@ -200,7 +186,7 @@ class GoalLines:
         residual = sample_residuals(model, joined, p)
         of_marks = residual[len(of_goal.sigma) :]
         line_fit = LineFit(p, covariance_of(model, information), float(marks.is_seen.mean()), of_marks)
-        nats = marks.nats(self._residual(model, marks, p), settings.marks)
+        nats = marks.nats(self._residual(model, marks, p))
         return nats - misfit(model, of_goal, residual, p) / 2, line_fit, joined
 
     def _reweighted(self, edge: Int64Array, residual: FloatArray, sigma: FloatArray, first_mark: int) -> FloatArray:
@@ -210,32 +196,31 @@ class GoalLines:
         that all others overrule it. Where some edges are off in a picture, the others may be as well, though the fit
         has followed them: each is also as uncertain as edges are off on average, up to `max_edge_error_px` each.
         """
-        settings, n = self._settings, len(edge)
+        n = len(edge)
         count = np.bincount(edge, minlength=EDGES)
         square = (np.bincount(edge, residual[:n], EDGES) / np.maximum(count, 1)) ** 2
-        typical = np.minimum(square, settings.max_edge_error_px**2)[count > 0].mean() if n else 0.0
+        typical = np.minimum(square, _MAX_EDGE_ERROR_PX**2)[count > 0].mean() if n else 0.0
         sigma = sigma.copy()
         sigma[:n] = np.sqrt(sigma[:n] ** 2 + ((square + typical) * count)[edge])
         squares = np.minimum((residual[first_mark:] / sigma[first_mark:]) ** 2, _FAR2)
-        sigma[first_mark:] *= math.sqrt((squares.sum() + settings.prior_marks) / (len(squares) + settings.prior_marks))
+        sigma[first_mark:] *= math.sqrt((squares.sum() + _PRIOR_MARKS) / (len(squares) + _PRIOR_MARKS))
         return sigma
 
     def _are_clear(self, pixels: FloatArray, direction: FloatArray, width_px: FloatArray) -> BoolArray:
         """Which places (N,) no other line comes near to: two lines that run into each other look like one."""
-        marks = self._settings.marks
         # how far each place lies from each other one along that one's line, and across it
         tangent = np.column_stack([direction[:, 1], -direction[:, 0]])
         along_px, across_px = (axis @ pixels.T - (axis * pixels).sum(axis=1)[:, None] for axis in (tangent, direction))
         # places on the same line are a spacing away along it
-        is_beside = np.abs(along_px) <= 0.95 * marks.spacing_px
+        is_beside = np.abs(along_px) <= 0.95 * _SPACING_PX
         apart_px = np.abs(across_px) - (width_px[:, None] + width_px) / 2
-        is_near = is_beside & (apart_px < marks.clear_px)
+        is_near = is_beside & (apart_px < _CLEAR_PX)
         np.fill_diagonal(is_near, False)
         return np.asarray(~is_near.any(axis=1))
 
     def _look(self, frame: UInt8Array, model: GoalModel, p: FloatArray, reach_px: float) -> Marks:
         """Look for lines within reach of where a camera (8,) predicts them."""
-        capacity, settings = len(self._points), self._settings
+        capacity = len(self._points)
         floor_m, pixels, direction, width_px = *np.empty((3, capacity, 2)), np.empty(capacity)
         places = MarkPlaces(floor_m, pixels, direction, width_px)
         view, size_px = model.scene.camera, self._camera.size_px
@@ -244,12 +229,12 @@ class GoalLines:
         floor_m, pixels, direction, width_px = (part[:n][is_clear] for part in places)
         start = np.ascontiguousarray(from_ideal(self._camera, pixels))
         offset, contrast = np.empty((2, len(width_px)))
-        measure_ridges(frame, start, direction, reach_px, width_px, settings.marks.along_px, offset, contrast)
+        measure_ridges(frame, start, direction, reach_px, width_px, _ALONG_PX, offset, contrast)
         uv = np.ascontiguousarray(self._camera.ideal_pixels(start + direction * offset[:, None]))
         # paint of half the width makes half the contrast
-        contrast = contrast / np.minimum(width_px, settings.marks.contrast_width_px)
+        contrast = contrast / np.minimum(width_px, _CONTRAST_WIDTH_PX)
         known = np.isfinite(offset)
-        least = settings.marks.min_contrast * float(np.median(contrast[known])) if known.any() else math.inf
+        least = _MIN_CONTRAST * float(np.median(contrast[known])) if known.any() else math.inf
         return Marks(floor_m, direction, uv, reach_px, known & (contrast > least))
 
 

@@ -12,11 +12,15 @@ from field_models.field import COLOR_NAMES
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.kernels.goal.silhouettes import Evidence
 from robocup_vision.localization.goal.silhouettes import Edges, Gradients, SilhouetteSearch
-from robocup_vision.perception.goal_region import GoalColorSettings, carpet_mask, hue_masks, whiteness
+from robocup_vision.perception.goal_region import carpet_mask, hue_masks, whiteness
 
 # greatest ratio of colours in white light, by tinted lamps and white balance, and their difference by noise
 _WHITE_RATIO = np.float32(1.1)
 _NOISE = np.float32(8.0)
+# frames are searched for goals of a hue at about this width: posts of the leagues' goals are still 3 px wide there
+# from the far end of the field
+_WIDTH_PX = 208
+_SHADED = 0.5  # paint of a goal, even in its own shade, is no darker than this part of the carpet
 
 
 class PaintMasks(NamedTuple):
@@ -36,18 +40,13 @@ class GoalPicture:
     def __init__(
         self,
         frame: UInt8Array,
-        factor: int,
         families: dict[str, tuple[float, float]],
-        colors: GoalColorSettings,
         silhouettes: SilhouetteSearch,
-        shaded: float,
     ) -> None:
         self.frame = frame
-        self.factor = factor
+        self.factor = max(1, round(frame.shape[1] / _WIDTH_PX))  #: by which masks are smaller than the frame
         self._families = families
-        self._colors = colors
         self._silhouettes = silhouettes
-        self._shaded = shaded
         self._evidence: dict[str, Evidence] = {}
         self._washable: dict[str, UInt8Array] = {}
 
@@ -107,7 +106,7 @@ class GoalPicture:
         others = [one for one, level in zip(channels, bgr, strict=True) if 3 * level < sum(bgr)]
         lit, other = reduce(cv2.min, of_hue), reduce(cv2.max, others, np.zeros_like(channels[0]))
         green = self.small[..., 1][self.masks.carpet > 0]
-        least = self._shaded * float(np.median(green)) if len(green) else 0.0
+        least = _SHADED * float(np.median(green)) if len(green) else 0.0
         is_washable = (lit >= least) & (_WHITE_RATIO * lit + _NOISE >= other)
         self._washable[color] = np.where(is_washable, np.uint8(255), np.uint8(0))
         return self._washable[color]
@@ -119,6 +118,6 @@ class GoalPicture:
         return np.asarray(small, np.uint8)
 
     def _masks(self, image: UInt8Array) -> PaintMasks:
-        paint = hue_masks(image, self._families, self._colors) if self._families else {}
+        paint = hue_masks(image, self._families) if self._families else {}
         carpet = carpet_mask(image, np.bitwise_or.reduce(list(paint.values())) if paint else None)
         return PaintMasks(paint, carpet)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arguments import as_frame
@@ -13,23 +11,11 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.goal.arc import open_arc
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate, without_lines
-from robocup_vision.localization.goal.fit import GoalFitSettings
-from robocup_vision.localization.goal.goal_lines import GoalLineSettings
-from robocup_vision.localization.goal.half_goal import PriorSettings, find_half_goal
-from robocup_vision.localization.goal.search import GoalSearch, SearchSettings
-from robocup_vision.localization.goal.verdict import GoalVerdict, VerdictSettings
+from robocup_vision.localization.goal.goal_lines import CERTAIN_M
+from robocup_vision.localization.goal.half_goal import find_half_goal
+from robocup_vision.localization.goal.search import GoalSearch
+from robocup_vision.localization.goal.verdict import GoalVerdict
 from robocup_vision.localization.lines.line_map import LineMap
-
-
-@dataclass(frozen=True, slots=True)
-class GoalSettings:
-    """Settings of `GoalPoseEstimator`."""
-
-    search: SearchSettings = field(default_factory=SearchSettings)
-    fit: GoalFitSettings = field(default_factory=GoalFitSettings)
-    lines: GoalLineSettings = field(default_factory=GoalLineSettings)
-    verdict: VerdictSettings = field(default_factory=VerdictSettings)
-    prior: PriorSettings = field(default_factory=PriorSettings)
 
 
 class GoalPoseEstimator:
@@ -50,17 +36,14 @@ class GoalPoseEstimator:
         If the field has no such goals.
     """
 
-    def __init__(
-        self, field: Field, camera: PinholeCamera, *, use_lines: bool = True, settings: GoalSettings = GoalSettings()
-    ) -> None:
+    def __init__(self, field: Field, camera: PinholeCamera, *, use_lines: bool = True) -> None:
         self.field = field
         self.camera = camera
-        self.settings = settings
-        self._search = GoalSearch(field, camera, settings.search, settings.fit)
+        self._search = GoalSearch(field, camera)
         if not self._search.families:
             raise ArgumentError(f"the goals of field '{field.name}' have no hue; GoalLocalizer takes white ones")
         line_map = LineMap(field) if use_lines and len(field.lines) + len(field.arcs) else None
-        self._verdict = GoalVerdict(self._search, line_map, settings.verdict, settings.lines)
+        self._verdict = GoalVerdict(self._search, line_map)
 
     def locate(self, frame: UInt8Array, prior: Pose2 | None = None) -> PoseEstimate | NotLocated:
         """Locate the camera.
@@ -88,7 +71,7 @@ class GoalPoseEstimator:
         found = self._verdict.locate(picture, candidates) if candidates else NotLocated(reason)
         if prior is None or not isinstance(found, NotLocated):
             return found
-        part = find_half_goal(self._search, picture, prior, self.settings.prior)
+        part = find_half_goal(self._search, picture, prior)
         if part is None:
             return NotLocated(f"{found.reason}; too little of it confirms the prior")
-        return without_lines(part, open_arc(part.model, part.fit, self.settings.lines.certain_m))
+        return without_lines(part, open_arc(part.model, part.fit, CERTAIN_M))

@@ -7,7 +7,7 @@ The camera follows from all sections at once, under the point spread that the pi
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from typing import NamedTuple
 
@@ -53,38 +53,30 @@ _STEPS = np.array([1e-4, 1e-4, 1e-5, 1e-5, 1e-5, 1e-4])  # of the camera for dif
 _FIRST_STD = 3.0  # of a pixel's noise, grey levels, before it is estimated
 _MIN_VARIANCE = 0.5  # of it: grey levels are whole
 _OFFSETS = EDGES + 2  # what whole edges and feet are off
-
-
-@dataclass(frozen=True, slots=True)
-class ProfileSettings:
-    """Which pixels are taken, priors on the paint, and when the fit counts."""
-
-    #: pieces of a member, so that a hidden one is noticed, and most rows (bar: columns) of each
-    pieces: int = 6
-    max_lines: int = 8
-    #: of background and of paint beside an edge: wider than the point spread
-    outside_px: float = 3.0
-    inside_px: float = 4.5
-    clear_of_corners_px: float = (
-        1.8  #: distance from corners and feet that is left out: two members blur into each other there
-    )
-    saturated: int = 246  #: grey level from which a pixel is saturated
-    light_std: float = 30.0  #: prior on how the paint's light changes across a member, grey levels
-    steps: int = 3  #: of the fit, the first with a typical point spread
-    #: stride of the rows and columns taken for the point spread and for all steps but the last
-    every: int = 3
-    cut: float = 9.0  #: ratio of squared residuals to their expectation at which a section has a quarter of its weight
-    #: prior on an edge's move: the edges' fit is right to a pixel. All edges together move no farther.
-    move_std_px: float = 1.0
-    max_std_px: float = 0.6  #: noise from which a piece's edge is left out: it is less certain than the edges' fit
-    #: common error of whole edges and feet, in addition to their noise
-    edge_error_px: float = 0.03
-    foot_error_px: float = 0.06
-    #: fraction of a piece's variance that is common to its whole edge (feet: twice that), as measured on rendered goals
-    common: float = 0.5
-    #: unknowns that the goal's edges determine, and the weight of the edges' own noise, in samples
-    freedom: int = 5
-    trusted: float = 2.0
+# pieces of a member, so that a hidden one is noticed, and most rows (bar: columns) of each
+_PIECES = 6
+_MAX_LINES = 8
+# of background and of paint beside an edge: wider than the point spread
+_OUTSIDE_PX = 3.0
+_INSIDE_PX = 4.5
+_CLEAR_OF_CORNERS_PX = 1.8  # distance from corners and feet that is left out: two members blur into each other there
+_SATURATED = 246  # grey level from which a pixel is saturated
+_LIGHT_STD = 30.0  # prior on how the paint's light changes across a member, grey levels
+_ROUNDS = 3  # of the fit, the first with a typical point spread
+# stride of the rows and columns taken for the point spread and for all steps but the last
+_EVERY = 3
+_CUT = 9.0  # ratio of squared residuals to their expectation at which a section has a quarter of its weight
+# prior on an edge's move: the edges' fit is right to a pixel. All edges together move no farther.
+_MOVE_STD_PX = 1.0
+_MAX_STD_PX = 0.6  # noise from which a piece's edge is left out: it is less certain than the edges' fit
+# common error of whole edges and feet, in addition to their noise
+_EDGE_ERROR_PX = 0.03
+_FOOT_ERROR_PX = 0.06
+# fraction of a piece's variance that is common to its whole edge (feet: twice that), as measured on rendered goals
+_COMMON = 0.5
+# unknowns that the goal's edges determine, and the weight of the edges' own noise, in samples
+_FREEDOM = 5
+_TRUSTED = 2.0
 
 
 class _Paint(NamedTuple):
@@ -138,15 +130,14 @@ class _SectionFit:
         model: GoalModel,
         start: FloatArray,
         appearance: EdgeAppearance,
-        settings: ProfileSettings,
     ) -> None:
-        self._camera, self._model, self._settings = camera, model, settings
+        self._camera, self._model = camera, model
         self.p = np.concatenate([start, np.zeros(_OFFSETS)])
-        due = _due(camera, model, start[None], settings.clear_of_corners_px)
+        due = _due(camera, model, start[None], _CLEAR_OF_CORNERS_PX)
         self.count = 0
         if due is None:
             return
-        capacity = MEMBERS * settings.pieces * settings.max_lines * 2 + 40
+        capacity = MEMBERS * _PIECES * _MAX_LINES * 2 + 40
         self.sections = Sections(
             np.empty((capacity * 14, CHANNELS + 1)),
             np.zeros(capacity + 1, np.int64),
@@ -154,56 +145,56 @@ class _SectionFit:
             np.empty(capacity, np.int64),
             np.empty(capacity, np.int64),
             np.empty(capacity, np.int64),
-            np.empty(MEMBERS * settings.pieces + 2),
+            np.empty(MEMBERS * _PIECES + 2),
         )
-        picture = SectionPicture(image, np.array([appearance.towards, _BRIGHTNESS]), settings.saturated)
-        spread = SectionSpread(settings.pieces, settings.max_lines, settings.outside_px, settings.inside_px)
+        picture = SectionPicture(image, np.array([appearance.towards, _BRIGHTNESS]), _SATURATED)
+        spread = SectionSpread(_PIECES, _MAX_LINES, _OUTSIDE_PX, _INSIDE_PX)
         self.count = count = gather_sections(picture, DueGoal(*(part[0] for part in due)), spread, self.sections)
         self.kind, self.piece = self.sections.kind[:count], self.sections.piece[:count]
         self._line, self._axis = self.sections.line[:count].astype(np.float64), (self.kind >= BAR).astype(np.int64)
         self._spreads = [[TYPICAL] * CHANNELS, [TYPICAL] * CHANNELS]
         self._variance = np.full((2, CHANNELS), _FIRST_STD**2)
-        self._few = [np.flatnonzero(self._axis == axis)[:: settings.every].copy() for axis in (0, 1)]
+        self._few = [np.flatnonzero(self._axis == axis)[::_EVERY].copy() for axis in (0, 1)]
         self._line_evidence, self._misfit = np.empty((count, CHANNELS, 5)), np.empty((count, CHANNELS))
         weight = np.where(np.isinf(model.weight), 1e12, model.weight)
-        errors = [settings.edge_error_px] * EDGES + [settings.foot_error_px] * 2
+        errors = [_EDGE_ERROR_PX] * EDGES + [_FOOT_ERROR_PX] * 2
         self._weight = np.concatenate([weight, np.array(errors) ** -2])
         self._prior = np.concatenate([model.prior, np.zeros(_OFFSETS)])
 
     def fit(self) -> bool:
         """Fit noise, point spread and camera; whether that went well."""
         self._jacobian = self._differences()
-        for step in range(self._settings.steps):
+        for step in range(_ROUNDS):
             if not self._place():
                 return False
             if step == 1:
                 self._choose()
-            if not self._move(1 if step == self._settings.steps - 1 else self._settings.every):
+            if not self._move(1 if step == _ROUNDS - 1 else _EVERY):
                 return False
         return bool(np.isfinite(self.p).all())
 
     def samples(self) -> EdgeSamples | None:
         """Return each piece of an edge and each foot as a sample of the fit of a goal."""
-        settings, pieces = self._settings, MEMBERS * self._settings.pieces
-        due = _due(self._camera, self._model, self.p[None, :8], settings.clear_of_corners_px)
+        pieces = MEMBERS * _PIECES
+        due = _due(self._camera, self._model, self.p[None, :8], _CLEAR_OF_CORNERS_PX)
         if due is None:
             return None
         by_piece = np.zeros((pieces + 2, 5))
         np.add.at(by_piece, self.piece, self._evidence)
-        information = by_piece[:, [0, 2]] + settings.move_std_px**-2
+        information = by_piece[:, [0, 2]] + _MOVE_STD_PX**-2
         move = by_piece[:, 3:] / information
-        move[:pieces] += self.p[8 : 8 + EDGES].reshape(MEMBERS, 2).repeat(settings.pieces, axis=0)
+        move[:pieces] += self.p[8 : 8 + EDGES].reshape(MEMBERS, 2).repeat(_PIECES, axis=0)
         move[pieces:, 1] += self.p[8 + EDGES :]
         variance = 1 / information
-        variance[np.abs(move) > 2 * settings.move_std_px] = np.inf
+        variance[np.abs(move) > 2 * _MOVE_STD_PX] = np.inf
         edges, arcs = due.edges[0], due.arcs[0]
         at = self.sections.middle[:pieces, None]
-        edge = 2 * np.repeat(np.arange(MEMBERS), settings.pieces)[:, None] + [0, 1]
+        edge = 2 * np.repeat(np.arange(MEMBERS), _PIECES)[:, None] + [0, 1]
         slope = edges[edge, 1]
         across, along = edges[edge, 0] + slope * at + move[:pieces], np.broadcast_to(at, edge.shape)
         uv = np.where((edge < BAR_TOP)[..., None], np.stack([across, along], -1), np.stack([along, across], -1))
         square = variance[:pieces] / (1 + slope**2)
-        good = (square < settings.max_std_px**2) & np.isfinite(along)
+        good = (square < _MAX_STD_PX**2) & np.isfinite(along)
         left, right = (
             edges[first : first + 3 : 2, 0] + edges[first : first + 3 : 2, 1] * arcs[:, 0] for first in (0, 1)
         )
@@ -211,7 +202,7 @@ class _SectionFit:
         direction = np.stack([-steep, np.ones(2)], axis=-1) / np.sqrt(1 + steep**2)[:, None]
         foot_uv = np.stack([(left + right) / 2, arcs[:, 0] + move[pieces:, 1]], axis=-1)
         foot_square = variance[pieces:, 1] / (1 + steep**2)
-        stands = foot_square < settings.max_std_px**2
+        stands = foot_square < _MAX_STD_PX**2
         return EdgeSamples(
             np.ascontiguousarray(edge[good]),
             np.ascontiguousarray(self._camera.ideal_pixels(uv[good])),
@@ -230,12 +221,12 @@ class _SectionFit:
 
     def _places(self, p: FloatArray) -> FloatArray:
         """Where cameras (N, 8) have both edges of each section: (N, S, 2), pixels across."""
-        due = _due(self._camera, self._model, p, self._settings.clear_of_corners_px)
+        due = _due(self._camera, self._model, p, _CLEAR_OF_CORNERS_PX)
         if due is None:
             return np.full((len(p), self.count, 2), np.nan)
         edges = due.edges.reshape(len(p), MEMBERS, 2, 2)[:, np.minimum(self.kind, BAR)]
         places = edges[..., 0] + edges[..., 1] * self._line[:, None]
-        depth = self._settings.inside_px + self._settings.outside_px
+        depth = _INSIDE_PX + _OUTSIDE_PX
         for post in (0, 1):
             row, foot = due.arcs[:, post, :1], self.kind == MEMBERS + post
             left, right = (due.edges[:, 2 * post + k, :1] + due.edges[:, 2 * post + k, 1:] * row for k in (0, 1))
@@ -259,7 +250,7 @@ class _SectionFit:
         return by
 
     def _response(self, spread: PointSpread) -> Response:
-        return Response(step_response(spread).reshape(-1, 2), float(PER_PX), *_paint(self._settings.light_std))
+        return Response(step_response(spread).reshape(-1, 2), float(PER_PX), *_paint(_LIGHT_STD))
 
     def _place(self) -> bool:
         """Let the sections' edges be where the camera has them now; False where it has none."""
@@ -279,7 +270,7 @@ class _SectionFit:
         # a value that several pixels have in common counts once
         shared = np.array([[spread.shared for spread in spreads] for spreads in self._spreads])
         variance = self._variance[axis]
-        weight = 1 / (variance * shared[axis] * (1 + misfit / (variance * self._settings.cut)) ** 2)
+        weight = 1 / (variance * shared[axis] * (1 + misfit / (variance * _CUT)) ** 2)
         evidence = np.zeros((self.count, 5))
         evidence[::every] = (self._line_evidence[::every] * weight[:, :, None]).sum(axis=1)
         return evidence
@@ -313,7 +304,7 @@ class _SectionFit:
 
     def _cost(self, axis: int, channel: int, spread: PointSpread) -> float:
         """How badly rows (0) or columns (1) fit under a point spread, as a negative log-likelihood."""
-        variance, move_std_px = self._variance[axis, channel], self._settings.move_std_px
+        variance, move_std_px = self._variance[axis, channel], _MOVE_STD_PX
         few, response = self._few[axis], self._response(spread)
         return float(spread_cost(self.sections, few, channel, response, variance, _MIN_VARIANCE, move_std_px))
 
@@ -341,32 +332,31 @@ def polish(
     model: GoalModel,
     found: GoalFit,
     appearance: EdgeAppearance,
-    settings: ProfileSettings = ProfileSettings(),
 ) -> GoalFit:
     """Fit the sections of a BGR frame from the edges' fit; return that unchanged where they do not confirm it."""
-    sections = _SectionFit(image, camera, model, found.unknowns, appearance, settings)
+    sections = _SectionFit(image, camera, model, found.unknowns, appearance)
     measured = sections.samples() if sections.count and sections.fit() else None
     if measured is None or len(np.unique(measured.edge)) < EDGES:
         return found
-    samples, single = _with_feet(*_weighed(measured, settings), found.samples)
+    samples, single = _with_feet(*_weighed(measured), found.samples)
     p, cost, information = fit(model, samples, sections.p[:8], _SCALES)
-    if not (math.isfinite(cost) and sections.moved_px(found.unknowns, p) < settings.move_std_px):
+    if not (math.isfinite(cost) and sections.moved_px(found.unknowns, p) < _MOVE_STD_PX):
         return found
     residual = residuals(model, samples, p)
     # the residuals of the fit estimate the error of each whole edge
     square = np.minimum((residual / samples.sigma) ** 2, 9 * single / samples.sigma**2).sum()
-    due = max(float((single / samples.sigma**2).sum()) - settings.freedom, 1.0)
-    excess = (float(square) + settings.trusted) / (due + settings.trusted)
+    due = max(float((single / samples.sigma**2).sum()) - _FREEDOM, 1.0)
+    excess = (float(square) + _TRUSTED) / (due + _TRUSTED)
     samples = replace(samples, sigma=samples.sigma * math.sqrt(excess))
     return replace(found, unknowns=p, information=information / excess, samples=samples, residual_px=residual)
 
 
-def _weighed(measured: EdgeSamples, settings: ProfileSettings) -> tuple[EdgeSamples, npt.NDArray[np.float64]]:
+def _weighed(measured: EdgeSamples) -> tuple[EdgeSamples, npt.NDArray[np.float64]]:
     """Add the common errors of whole edges to the noise; also return the variance of each single sample."""
     n = len(measured.edge)
-    typical = settings.common * float(np.mean(measured.sigma[:n] ** 2))
-    whole = np.full(len(measured.sigma), settings.edge_error_px**2 + typical)
-    whole[n:] = settings.foot_error_px**2 + 2 * typical
+    typical = _COMMON * float(np.mean(measured.sigma[:n] ** 2))
+    whole = np.full(len(measured.sigma), _EDGE_ERROR_PX**2 + typical)
+    whole[n:] = _FOOT_ERROR_PX**2 + 2 * typical
     per_edge = np.bincount(measured.edge, minlength=EDGES)[measured.edge]
     shared = whole * np.concatenate([per_edge, np.ones(len(measured.foot_post))])
     return replace(measured, sigma=np.sqrt(measured.sigma**2 + shared)), measured.sigma**2 + whole

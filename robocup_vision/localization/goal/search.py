@@ -19,8 +19,9 @@ from robocup_vision.localization.distinct import Apart
 from robocup_vision.localization.goal.arc import turned
 from robocup_vision.localization.goal.edges import EdgeAppearance, from_ideal
 from robocup_vision.localization.goal.fit import (
+    BLOOM_STD_HUE_PX,
+    BLOOM_STD_WHITE_PX,
     GoalFit,
-    GoalFitSettings,
     GoalModel,
     agreement,
     fit,
@@ -33,9 +34,7 @@ from robocup_vision.localization.goal.goal_picture import GoalPicture
 from robocup_vision.localization.goal.silhouettes import SilhouetteSearch
 from robocup_vision.localization.goal.starts import bar_rows, start_by_posts, strip_samples, with_bar
 from robocup_vision.perception.goal_region import (
-    GoalColorSettings,
     Strip,
-    StripSettings,
     carpet_mask,
     enlarged,
     hue_families,
@@ -47,29 +46,18 @@ from robocup_vision.perception.goal_region import (
 _START_SCALES = np.full(8, 100.0)
 
 
-@dataclass(frozen=True, slots=True)
-class SearchSettings:
-    """Settings of the search for goals in a frame."""
-
-    #: frames are searched for goals of a hue at about this width: posts of the leagues' goals are still 3 px wide there
-    #: from the far end of the field
-    width_px: int = 208
-    glare: float = 235.0  #: samples brighter than this, of paint half washed white, are dropped
-    #: score from which the search ends: edges of clutter agree with a goal in half of their places at most
-    clear_score: float = 0.8
-    min_score: float = 0.3  #: candidates below are dropped: weighing each takes time
-    #: evidence, nats, of edges of a silhouette that all lie at their places to a fraction of a pixel, in addition to
-    #: that of their presence
-    exact_nats: float = 100.0
-    apart: Apart = Apart(0.03)  #: of two fits
-    edge_on_m: float = (
-        0.2  #: least distance from the goal's plane: nearer, one post hides the other and the bar coincides with both
-    )
-    shaded: float = 0.5  #: paint of a goal, even in its own shade, is no darker than this part of the carpet
-    beyond_m: float = 0.5  #: a robot may stand this far outside the carpet that the field file guarantees
-    max_pairs: int = 14  #: pairs of strips that are tried as posts
-    colors: GoalColorSettings = GoalColorSettings()
-    strips: StripSettings = StripSettings()
+_GLARE = 235.0  # samples brighter than this, of paint half washed white, are dropped
+# score from which the search ends: edges of clutter agree with a goal in half of their places at most
+_CLEAR_SCORE = 0.8
+_MIN_SCORE = 0.3  # candidates below are dropped: weighing each takes time
+# evidence, nats, of edges of a silhouette that all lie at their places to a fraction of a pixel, in addition to
+# that of their presence
+_EXACT_NATS = 100.0
+_APART = Apart(0.03)  # of two fits
+# least distance from the goal's plane: nearer, one post hides the other and the bar coincides with both
+EDGE_ON_M = 0.2
+_BEYOND_M = 0.5  # a robot may stand this far outside the carpet that the field file guarantees
+_MAX_PAIRS = 14  # pairs of strips that are tried as posts
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,24 +98,19 @@ class GoalSearch:
         self,
         field: Field,
         camera: PinholeCamera,
-        settings: SearchSettings = SearchSettings(),
-        fit_settings: GoalFitSettings | None = None,
     ) -> None:
-        self.settings = settings
-        fit_settings = fit_settings or GoalFitSettings()
         self.field = field
         self.camera = camera
         self.shape = goal_shape(field)
-        self.extent_m = np.abs(field.floor_polygon).max(axis=0) + settings.beyond_m
+        self.extent_m = np.abs(field.floor_polygon).max(axis=0) + _BEYOND_M
         self.families = hue_families(field)
-        self.colored_model = goal_model(self.shape, camera, fit_settings.bloom_std_hue_px, fit_settings)
-        self.white_model = goal_model(self.shape, camera, fit_settings.bloom_std_white_px, fit_settings)
+        self.colored_model = goal_model(self.shape, camera, BLOOM_STD_HUE_PX)
+        self.white_model = goal_model(self.shape, camera, BLOOM_STD_WHITE_PX)
         self._silhouettes = SilhouetteSearch(self.colored_model, camera, self.extent_m)
 
     def picture(self, frame: UInt8Array) -> GoalPicture:
         """Take a frame (H, W, 3), BGR, of the camera's size."""
-        factor = max(1, round(self.camera.size_px[0] / self.settings.width_px))
-        return GoalPicture(frame, factor, self.families, self.settings.colors, self._silhouettes, self.settings.shaded)
+        return GoalPicture(frame, self.families, self._silhouettes)
 
     def candidates(self, picture: GoalPicture) -> tuple[list[Candidate], str]:
         """Goals that may be in a picture, distinct ones, best first; and why there is none if there is none."""
@@ -149,13 +132,13 @@ class GoalSearch:
     def _distinct(self, cameras: list[FloatArray]) -> list[int]:
         """Return which of some cameras (8,) have no other before them at the same place."""
         poses = np.array(cameras).reshape(-1, UNKNOWNS)[:, [X, Y, HEADING]]
-        return self.settings.apart.first(poses, len(cameras))
+        return _APART.first(poses, len(cameras))
 
     def _judged(self, picture: GoalPicture, fits: list[GoalFit], proposal: Proposal) -> list[Candidate]:
         judged = []
         for found in fits:
-            if found.score > self.settings.min_score:
-                is_clear = found.score > self.settings.clear_score and self.is_possible(found.unknowns)
+            if found.score > _MIN_SCORE:
+                is_clear = found.score > _CLEAR_SCORE and self.is_possible(found.unknowns)
                 one = Candidate(found, proposal.sides, proposal.model, proposal.appearance, 0.0, is_clear)
                 judged.append(replace(one, nats=self.nats(picture, one, found.unknowns)))
         return judged
@@ -173,8 +156,8 @@ class GoalSearch:
                 yield self._of_hue(color, mask, masks.carpet, self._mask_strips(mask, masks.carpet), picture.factor)
         else:
             carpet = carpet_mask(picture.frame)
-            runs = white_runs(picture.whiteness, 4, self.settings.strips)
-            found = strips(runs, 4, carpet, certain=False, settings=self.settings.strips)
+            runs = white_runs(picture.whiteness, 4)
+            found = strips(runs, 4, carpet, certain=False)
             sides = tuple(goal.side for goal in self.field.goals)
             appearance = EdgeAppearance(np.full(3, 3**-0.5), math.inf, 1.0)
             pairs = self._pairs([s for s in found if math.isfinite(s.foot)])
@@ -208,8 +191,8 @@ class GoalSearch:
         if math.isinf(nats):
             return nats
         fit = candidate.fit
-        score = agreement(fit.samples, residuals(candidate.model, fit.samples, unknowns), fit.settings)
-        return nats + self.settings.exact_nats * score
+        score = agreement(fit.samples, residuals(candidate.model, fit.samples, unknowns))
+        return nats + _EXACT_NATS * score
 
     def washable(self, picture: GoalPicture, sides: tuple[int, ...], unknowns: FloatArray) -> FloatArray:
         """Measure the fractions (3,) of left post, bar and right post that may be paint, for a camera (8,)."""
@@ -224,14 +207,14 @@ class GoalSearch:
         return next(goal.color for goal in self.field.goals if goal.side == sides[0])
 
     def _mask_strips(self, mask: UInt8Array, carpet: UInt8Array) -> list[Strip]:
-        return strips(mask_runs(mask, 2), 2, carpet, certain=True, settings=self.settings.strips)
+        return strips(mask_runs(mask, 2), 2, carpet, certain=True)
 
     def _of_hue(self, color: str, mask: UInt8Array, carpet: UInt8Array, found: list[Strip], factor: int) -> Proposal:
         found = [enlarged(s, factor) for s in found]
         sides = tuple(goal.side for goal in self.field.goals if goal.color == color)
         paint = np.array(COLOR_NAMES[color], dtype=np.float64)
         away = paint - paint.mean()
-        appearance = EdgeAppearance(away / float(np.linalg.norm(away)), self.settings.glare, 0.0)
+        appearance = EdgeAppearance(away / float(np.linalg.norm(away)), _GLARE, 0.0)
         return Proposal(sides, found, self._pairs(found), mask, carpet, factor, self.colored_model, appearance)
 
     def _pairs(self, found: list[Strip]) -> list[tuple[Strip, Strip]]:
@@ -252,14 +235,14 @@ class GoalSearch:
                 continue
             pairs.append((a.strength * b.strength, a, b))
         pairs.sort(key=lambda pair: -pair[0])
-        return [(a, b) for _, a, b in pairs[: self.settings.max_pairs]]
+        return [(a, b) for _, a, b in pairs[:_MAX_PAIRS]]
 
     def _fits(self, frame: UInt8Array, left: Strip, right: Strip, proposal: Proposal) -> list[GoalFit]:
         """Fits to a pair of strips: one for each row that the bar may be in, and the best one's other branch."""
         model, appearance = proposal.model, proposal.appearance
         samples = strip_samples(self.camera, ((0, left), (1, right)))
         posts_only, cost, _ = fit(model, samples, start_by_posts(model, left, right), _START_SCALES)
-        if not math.isfinite(cost) or posts_only[X] > self.shape.line_x_m - self.settings.edge_on_m:
+        if not math.isfinite(cost) or posts_only[X] > self.shape.line_x_m - EDGE_ON_M:
             return []
         found: list[GoalFit] = []
         for bar in bar_rows(proposal.paint, proposal.scale, model, posts_only, 3):
@@ -268,7 +251,7 @@ class GoalSearch:
                 continue
             one = refine(frame, self.camera, model, start, appearance, 3.0 * max(1.0, proposal.scale / 1.5))
             found += [] if one is None else [one]
-            if one is not None and one.score > self.settings.clear_score:
+            if one is not None and one.score > _CLEAR_SCORE:
                 break  # no other bar row fits better
         found.sort(key=lambda f: -f.score)
         if found:

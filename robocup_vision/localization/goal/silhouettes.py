@@ -37,25 +37,19 @@ from robocup_vision.localization.goal.geometry import HEADING, HEIGHT, ROLL, TIL
 _DIRECTIONS = 4
 # of a cell's 255, what makes it painted
 _MIN_PAINT = 75
-
-
-@dataclass(frozen=True, slots=True)
-class SilhouetteSettings:
-    """Settings of the search by silhouettes."""
-
-    width_cells: int = 104  #: of the small picture: the posts of the farthest goal are two cells wide there
-    #: steps of the bank, by how far each moves ends of the silhouette: edges may lie a cell or two beside it
-    place_cells: float = 3.0
-    tilt_cells: float = 2.9
-    column_cells: float = 1.5
-    large_ratio: float = 0.5  #: goals wider than this fraction of a picture are searched in one of half the size
-    blur_px: float = 0.8  #: blur before gradients are taken: no edge is sharper, but noise is
-    edge_ratio: float = 4.0  #: ratio of an edge's gradient to the picture's median gradient
-    #: fraction of a goal's silhouette with an edge exactly there, and of that with one in a neighbouring cell instead
-    seen_ratio: float = 0.4
-    painted_ratio: float = 0.5  #: fraction of posts and bar that has kept its hue
-    proposed: int = 20  #: cameras that are settled and proposed
-    apart: Apart = Apart(0.1, 0.03)  #: of two cameras
+_WIDTH_CELLS = 104  # of the small picture: the posts of the farthest goal are two cells wide there
+# steps of the bank, by how far each moves ends of the silhouette: edges may lie a cell or two beside it
+_PLACE_CELLS = 3.0
+_TILT_CELLS = 2.9
+_COLUMN_CELLS = 1.5
+_LARGE_RATIO = 0.5  # goals wider than this fraction of a picture are searched in one of half the size
+_BLUR_PX = 0.8  # blur before gradients are taken: no edge is sharper, but noise is
+_EDGE_RATIO = 4.0  # ratio of an edge's gradient to the picture's median gradient
+# fraction of a goal's silhouette with an edge exactly there, and of that with one in a neighbouring cell instead
+_SEEN_RATIO = 0.4
+_PAINTED_RATIO = 0.5  # fraction of posts and bar that has kept its hue
+_PROPOSED = 20  # cameras that are settled and proposed
+_APART = Apart(0.1, 0.03)  # of two cameras
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,9 +84,7 @@ class SilhouetteSearch:
         model: GoalModel,
         camera: PinholeCamera,
         extent_m: FloatArray,
-        settings: SilhouetteSettings = SilhouetteSettings(),
     ) -> None:
-        self.settings = settings
         self._camera = camera
         self._model = model
         self._extent_m = extent_m
@@ -101,23 +93,23 @@ class SilhouetteSearch:
     @cached_property
     def _banks(self) -> tuple[_Bank, ...]:
         """Every camera whose picture would hold the whole goal; those near it by a picture of half the size."""
-        s, shape, focal_px = self.settings, self._model.shape, self._camera.focal_px[0]
+        shape, focal_px = self._model.shape, self._camera.focal_px[0]
         farthest = math.hypot(shape.line_x_m + self._extent_m[0], self._extent_m[1])
         # nearer the posts do not fit into the picture
         nearest = shape.width_m * focal_px / self._camera.size_px[0] / 2
-        cell_px = max(1, round(self._camera.size_px[0] / s.width_cells))
-        between = shape.width_m * focal_px / (s.large_ratio * self._camera.size_px[0])
+        cell_px = max(1, round(self._camera.size_px[0] / _WIDTH_CELLS))
+        between = shape.width_m * focal_px / (_LARGE_RATIO * self._camera.size_px[0])
         between = min(max(between, nearest), farthest)
         return self._bank(2 * cell_px, nearest, between), self._bank(cell_px, between, farthest)
 
     def _bank(self, cell_px: int, nearest_m: float, farthest_m: float) -> _Bank:
-        s, shape, prior, weight = self.settings, self._model.shape, self._model.prior, self._model.weight
+        shape, prior, weight = self._model.shape, self._model.prior, self._model.weight
         view = np.array([*self._camera.focal_px, *(np.array(self._camera.center_px) + 0.5)]) / cell_px
         view[2:] -= 0.5
         columns, rows = (side / cell_px for side in self._camera.size_px)
         away, places = nearest_m, [np.empty((0, 2))]
         while away < farthest_m:
-            step = s.place_cells / (view[0] * shape.width_m / away)
+            step = _PLACE_CELLS / (view[0] * shape.width_m / away)
             count = math.ceil(math.pi / (2 * step))
             turned = (np.arange(1, count) / count - 0.5) * math.pi
             places.append(np.stack([shape.line_x_m - away * np.cos(turned), away * np.sin(turned)], axis=-1))
@@ -130,8 +122,8 @@ class SilhouetteSearch:
         if weight[TILT] > 0:
             spread = 3.0 / math.sqrt(float(weight[TILT]))
             low, high = max(low, float(prior[TILT]) - spread), min(high, float(prior[TILT]) + spread)
-        tilts = np.linspace(low, high, max(math.ceil((high - low) * view[1] / s.tilt_cells), 1) + 1)
-        across = np.arange(0.0, columns, s.column_cells)
+        tilts = np.linspace(low, high, max(math.ceil((high - low) * view[1] / _TILT_CELLS), 1) + 1)
+        across = np.arange(0.0, columns, _COLUMN_CELLS)
         cameras = Cameras(np.ascontiguousarray(place), tilts, across, float(prior[ROLL]), float(prior[HEIGHT]))
         return _Bank(cell_px, self._scene._replace(camera=view), cameras)
 
@@ -153,13 +145,13 @@ class SilhouetteSearch:
 
     def gradients(self, picture: UInt8Array) -> Gradients:
         """Differentiate a picture."""
-        s, (height, width) = self.settings, picture.shape[:2]
+        height, width = picture.shape[:2]
         along, down = np.empty((2, height, width), np.int32)
-        channels = np.asarray(cv2.split(cv2.GaussianBlur(picture, (0, 0), s.blur_px)), np.uint8)
+        channels = np.asarray(cv2.split(cv2.GaussianBlur(picture, (0, 0), _BLUR_PX)), np.uint8)
         strongest_gradients(channels, along, down)
         # every fourth pixel each way: the median of a picture needs no more
         square = along[::4, ::4] ** 2 + down[::4, ::4] ** 2
-        return Gradients(along, down, s.edge_ratio**2 * float(np.median(square)))
+        return Gradients(along, down, _EDGE_RATIO**2 * float(np.median(square)))
 
     def edges(self, gradients: Gradients, cell_px: int = 1) -> Edges:
         """Mark edges in a picture of cells so wide."""
@@ -170,14 +162,13 @@ class SilhouetteSearch:
 
     def propose(self, gradients: Gradients, paint: UInt8Array, carpet: UInt8Array) -> list[tuple[float, FloatArray]]:
         """Propose cameras: evidence and unknowns (8,), the likeliest first; the masks (H, W) may be of reduced size."""
-        s = self.settings
         likely: list[tuple[float, float, float, FloatArray]] = []
         whole = self.edges(gradients)
         for bank in self._banks:
             seen = self.edges(gradients, bank.cell_px)
             found = np.empty((len(bank.cameras.places_m), 4))
             score_places(bank.scene, self.evidence(seen, paint, carpet), bank.cameras, found)
-            for place in np.argsort(-found[:, 0], kind="stable")[: s.proposed].tolist():
+            for place in np.argsort(-found[:, 0], kind="stable")[:_PROPOSED].tolist():
                 nats, heading, tilt, of_paint = found[place].tolist()
                 p = np.array([*bank.cameras.places_m[place], heading, tilt, bank.cameras.roll_rad])
                 likely.append((nats, of_paint, float(bank.cell_px), p))
@@ -185,12 +176,12 @@ class SilhouetteSearch:
         height = float(self._model.prior[HEIGHT])
         settled = [
             (of_paint + settle(self._scene, *whole, height, step_px, p), p)
-            for nats, of_paint, step_px, p in likely[: s.proposed]
+            for nats, of_paint, step_px, p in likely[:_PROPOSED]
             if math.isfinite(nats)
         ]
         settled.sort(key=lambda one: -one[0])
         proposed: list[tuple[float, FloatArray]] = []
-        for k in s.apart.first(np.array([p[:3] for _, p in settled]).reshape(-1, 3), s.proposed):
+        for k in _APART.first(np.array([p[:3] for _, p in settled]).reshape(-1, 3), _PROPOSED):
             nats, p = settled[k]
             unknowns = np.zeros(UNKNOWNS)
             unknowns[[X, Y, HEADING, TILT, ROLL]] = p
@@ -204,19 +195,19 @@ class SilhouetteSearch:
 
     def evidence(self, edges: Edges, paint: UInt8Array, carpet: UInt8Array) -> Evidence:
         """Weigh edges, paint and carpet of a picture; the masks may be of another size than the edges."""
-        (rows, columns), ratio = edges.levels.shape, self.settings.painted_ratio
+        rows, columns = edges.levels.shape
         size = (columns, rows)
         painted = cv2.resize(paint, size, interpolation=cv2.INTER_AREA) > _MIN_PAINT
-        background = min(max(float(painted.mean()), 0.02), ratio)
-        of_paint, of_others = np.log([ratio / background, (1 - ratio) / (1 - background)]).astype(np.float32)
+        background = min(max(float(painted.mean()), 0.02), _PAINTED_RATIO)
+        ratios = _PAINTED_RATIO / background, (1 - _PAINTED_RATIO) / (1 - background)
+        of_paint, of_others = np.log(ratios).astype(np.float32)
         nats = np.where(painted, of_paint, of_others)
         green = np.asarray(cv2.resize(carpet, size, interpolation=cv2.INTER_NEAREST), np.uint8)
         return Evidence(*edges, nats, green)
 
     def _edge_nats(self, levels: UInt8Array) -> FloatArray:
         """(4, 3) float64: see `kernels.goal.silhouettes.Evidence`; clutter has the picture's mean rates."""
-        seen = self.settings.seen_ratio
-        of_goal = np.array([1 - 2 * seen, seen, seen])
+        of_goal = np.array([1 - 2 * _SEEN_RATIO, _SEEN_RATIO, _SEEN_RATIO])
         nats = np.empty((_DIRECTIONS, 3))
         for direction in range(_DIRECTIONS):
             there = np.count_nonzero(levels & (1 << direction)) / levels.size

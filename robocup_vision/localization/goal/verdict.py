@@ -9,35 +9,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from robocup_vision.estimates import NotLocated
 from robocup_vision.localization.goal.arc import open_arc, spread_about
 from robocup_vision.localization.goal.camera_estimate import CameraEstimate, without_lines
-from robocup_vision.localization.goal.goal_lines import GoalLines, GoalLineSettings
+from robocup_vision.localization.goal.goal_lines import CERTAIN_M, SAME_M, GoalLines
 from robocup_vision.localization.goal.goal_picture import GoalPicture
 from robocup_vision.localization.goal.profile import polish
 from robocup_vision.localization.goal.search import Candidate, GoalSearch
 from robocup_vision.localization.lines.line_map import LineMap
 
-
-@dataclass(frozen=True, slots=True)
-class VerdictSettings:
-    """Settings of `GoalVerdict`."""
-
-    max_candidates: int = 6  #: candidates that are fitted together with lines, the likeliest first
-    #: log-likelihood ratio from which a goal is accepted. Rendered half goals and boxes reach 230, whole goals in heavy
-    #: glare 289 and more.
-    min_nats: float = 260.0
-    min_line_nats: float = -30.0  #: least log-likelihood ratio of lines: paint wears off, and others stand on it
-    #: fraction of the greatest evidence of all predicted lines from which a clear goal ends the search
-    confirming_ratio: float = 0.75
-    #: least fraction of each post and the bar that is the goal's paint, washed white or not: others hide the rest
-    min_washable: float = 0.9
-    #: unit of differences between cameras: errors of neighbouring samples of an edge or line are correlated
-    correlation_nats: float = 15.0
+_MAX_CANDIDATES = 6  # candidates that are fitted together with lines, the likeliest first
+# log-likelihood ratio from which a goal is accepted. Rendered half goals and boxes reach 230, whole goals in heavy
+# glare 289 and more.
+_MIN_NATS = 260.0
+_MIN_LINE_NATS = -30.0  # least log-likelihood ratio of lines: paint wears off, and others stand on it
+# fraction of the greatest evidence of all predicted lines from which a clear goal ends the search
+_CONFIRMING_RATIO = 0.75
+# least fraction of each post and the bar that is the goal's paint, washed white or not: others hide the rest
+_MIN_WASHABLE = 0.9
+# unit of differences between cameras: errors of neighbouring samples of an edge or line are correlated
+_CORRELATION_NATS = 15.0
 
 
 class GoalVerdict:
@@ -47,46 +42,44 @@ class GoalVerdict:
         self,
         search: GoalSearch,
         line_map: LineMap | None,
-        settings: VerdictSettings = VerdictSettings(),
-        line_settings: GoalLineSettings = GoalLineSettings(),
     ) -> None:
-        self._search, self._settings, self._line_settings = search, settings, line_settings
-        self._lines = None if line_map is None else GoalLines(line_map, search.camera, line_settings)
+        self._search = search
+        self._lines = None if line_map is None else GoalLines(line_map, search.camera)
 
     def locate(self, picture: GoalPicture, candidates: list[Candidate]) -> CameraEstimate | NotLocated:
         """Return the likeliest camera that sees one of the candidates, the best of which comes first."""
         judged: list[tuple[float, CameraEstimate]] = []
-        for candidate in candidates[: self._settings.max_candidates]:
+        for candidate in candidates[:_MAX_CANDIDATES]:
             is_confirmed = False
             for camera in self._cameras(picture, candidate):
                 nats, confirmed = self._nats(picture, candidate, camera)
                 judged.append((nats, camera))
-                is_confirmed |= nats >= self._settings.min_nats and confirmed
+                is_confirmed |= nats >= _MIN_NATS and confirmed
             if candidate.is_clear and is_confirmed:
                 break
         if not judged:
             return NotLocated("no whole goal: no camera on the pitch would see what looks like one, unhidden")
         nats = max(nats for nats, _ in judged)
-        if nats < self._settings.min_nats:
-            ratio = f"log-likelihood ratio {nats:.0f} of the {self._settings.min_nats:.0f} that are needed"
+        if nats < _MIN_NATS:
+            ratio = f"log-likelihood ratio {nats:.0f} of the {_MIN_NATS:.0f} that are needed"
             return NotLocated(f"no certain goal: what looks like one reaches a {ratio}")
         # of cameras that the picture hardly separates the most certain one: lines fix it better than the silhouette
-        alike = [one for other, one in judged if other >= nats - self._settings.correlation_nats]
+        alike = [one for other, one in judged if other >= nats - _CORRELATION_NATS]
         best = min(alike, key=lambda one: float(np.trace(one.covariance[:2, :2])))
-        return with_spread(best, judged, self._line_settings.same_m, self._settings.correlation_nats)
+        return with_spread(best, judged, SAME_M, _CORRELATION_NATS)
 
     def _cameras(self, picture: GoalPicture, candidate: Candidate) -> Iterator[CameraEstimate]:
         """Yield the cameras that a goal gives by itself and with lines, where they can stand and see all of it."""
         search, model = self._search, candidate.model
         found = polish(picture.frame, search.camera, model, candidate.fit, candidate.appearance)
         goal = replace(candidate, fit=found)
-        arc = open_arc(model, found, self._line_settings.certain_m)
+        arc = open_arc(model, found, CERTAIN_M)
         cameras = [without_lines(goal, arc)]
         if self._lines is not None:
             cameras += self._lines.join(picture.frame, goal, arc)
         for one in cameras:
             # posts and a bar that are not visible in full are hidden by somebody
-            is_whole = search.washable(picture, one.sides, one.unknowns).min() >= self._settings.min_washable
+            is_whole = search.washable(picture, one.sides, one.unknowns).min() >= _MIN_WASHABLE
             if is_whole and search.is_possible(one.unknowns):
                 yield one
 
@@ -96,7 +89,7 @@ class GoalVerdict:
         if self._lines is None:
             return nats, True
         of_lines, most = self._lines.nats(picture.frame, candidate.model, camera.unknowns)
-        return nats + max(of_lines, self._settings.min_line_nats), of_lines >= self._settings.confirming_ratio * most
+        return nats + max(of_lines, _MIN_LINE_NATS), of_lines >= _CONFIRMING_RATIO * most
 
 
 def with_spread(

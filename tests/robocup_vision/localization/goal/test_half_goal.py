@@ -9,7 +9,7 @@ import pytest
 
 from field_models import load_field
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.localization.goal.half_goal import PriorSettings
+from robocup_vision.localization.goal.half_goal import PRIOR_STD_M
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from sim2d.match.setups import camera_for
 from sim2d.rendering.pinhole import render_pinhole
@@ -72,7 +72,7 @@ def test_half_a_goal_from_far_reports_less_than_the_prior_and_says_so(estimator)
     estimates = [estimate for estimate in located(estimator, *FAR) if estimate]
     assert estimates
     for estimate in estimates:
-        assert math.sqrt(np.linalg.eigvalsh(estimate.covariance[:2, :2])[-1]) > PriorSettings().std_m
+        assert math.sqrt(np.linalg.eigvalsh(estimate.covariance[:2, :2])[-1]) > PRIOR_STD_M
 
 
 @pytest.mark.parametrize(("pose", "off"), ASIDE)

@@ -10,7 +10,7 @@ from goal_samples import silhouette_normals
 from field_models import COLOR_NAMES, load_field
 from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.localization.goal.edges import EdgeAppearance, EdgeSamples
-from robocup_vision.localization.goal.fit import GoalFit, GoalFitSettings, goal_model, residuals
+from robocup_vision.localization.goal.fit import GoalFit, goal_model, residuals
 from robocup_vision.localization.goal.geometry import EDGES, UNKNOWNS, goal_shape
 from robocup_vision.localization.goal.point_spread import (
     HALVED,
@@ -84,7 +84,7 @@ def found_near(p, offset):
     none = np.empty((0, 2))
     samples = EdgeSamples(index, none, index, index, none, none, np.empty(0), np.full(EDGES, 10))
     information = np.diag(np.array([0.2, 0.2, 0.05, 0.02, 0.02, 0.01, 0.01, 0.1]) ** -2.0)
-    return GoalFit(p + offset, information, samples, np.empty(0), np.ones(EDGES), GoalFitSettings())
+    return GoalFit(p + offset, information, samples, np.empty(0), np.ones(EDGES))
 
 
 def jpeg_colour(image):
