@@ -5,7 +5,7 @@ If the goals look as with red and blue swapped, nothing is decided, because the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +17,10 @@ from robocup_vision.estimates import NotLocated, PoseEstimate, SwappedChannels
 from robocup_vision.geometry import Pose2, half_turn_covariance
 from robocup_vision.kernels.goal.colors import MirrorProjection, Votes, vote_goal_colors
 from robocup_vision.localization.swapped_channels import (
+    MAX_NEUTRAL,
+    MIN_DISTANCE,
+    MIN_RATIO,
     SWAPPED_BY_GOALS,
-    SwappedChannelsSettings,
     goal_points,
     is_inside,
     log_ratios_at,
@@ -51,15 +53,10 @@ def nearer_half(estimate: PoseEstimate, near: Pose2 | None) -> PoseEstimate:
     return turned if there < here else estimate
 
 
-@dataclass(frozen=True, slots=True)
-class GoalSideSettings:
-    """Settings of the decision by the goals' colours."""
-
-    min_votes: int = 4  #: least number of votes for one side, because fewer may be clutter
-    majority: float = 2  #: least ratio to the votes for the other side, which clutter alone seldom reaches
-    #: least difference in (B - R)/(B + G + R) of differently coloured goals
-    min_hue_difference: float = 0.2
-    channels: SwappedChannelsSettings = SwappedChannelsSettings()  #: settings of the test for swapped red and blue
+_MIN_VOTES = 4  # least number of votes for one side, because fewer may be clutter
+_MAJORITY = 2  # least ratio to the votes for the other side, which clutter alone seldom reaches
+# least difference in (B - R)/(B + G + R) of differently coloured goals
+_MIN_HUE_DIFFERENCE = 0.2
 
 
 class GoalSide:
@@ -80,9 +77,8 @@ class GoalSide:
         field: Field,
         camera: OmniCamera,
         mask: npt.NDArray[np.uint8] | None = None,
-        settings: GoalSideSettings = GoalSideSettings(),
     ) -> None:
-        self.camera, self.mask, self.settings = camera, mask, settings
+        self.camera, self.mask = camera, mask
         panelled = {goal.color for goal in field.goals if goal.kind != "posts"}
         #: whether the field has panels of different colours and the camera a height
         self.is_able = len(panelled) == 2 and camera.height_m is not None
@@ -118,11 +114,11 @@ class GoalSide:
             better.
         """
         right, wrong, own, swapped = self._vote(frame, estimate.pose, colors) if self.is_able else _NO_VOTES
-        decides = max(right, wrong, swapped) >= self.settings.min_votes
+        decides = max(right, wrong, swapped) >= _MIN_VOTES
         if decides and self._may_be_swapped(own, swapped, colors) and self._are_swapped(frame, estimate.pose, colors):
             return SwappedChannels(SWAPPED_BY_GOALS)
         most = max(right, wrong)
-        if most >= self.settings.min_votes and most >= self.settings.majority * min(right, wrong):
+        if most >= _MIN_VOTES and most >= _MAJORITY * min(right, wrong):
             pose, covariance = estimate.pose, estimate.covariance
             if right <= wrong:
                 pose, covariance = pose.half_turn(), half_turn_covariance(covariance)
@@ -130,19 +126,18 @@ class GoalSide:
         return nearer_half(estimate, prior)
 
     def _vote(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> Votes:
-        if colors.goal_hue_difference < self.settings.min_hue_difference:
+        if colors.goal_hue_difference < _MIN_HUE_DIFFERENCE:
             return _NO_VOTES
         at, palette = (pose.x_m, pose.y_m, pose.theta_rad), colors.goal_palette
         return vote_goal_colors(frame, at, *self._points, self._projection, palette, self._hidden)
 
     def _may_be_swapped(self, own: int, swapped: int, colors: Colors) -> bool:
         """Whether red and blue may be swapped by the votes, whose white reference may be coloured paint."""
-        settings = self.settings.channels
-        if colors.swap_distance < settings.min_distance:
+        if colors.swap_distance < MIN_DISTANCE:
             return False
-        if own < self.settings.min_votes or settings.min_ratio * swapped > own:
+        if own < _MIN_VOTES or MIN_RATIO * swapped > own:
             return True
-        return colors.white_cast > settings.max_neutral
+        return colors.white_cast > MAX_NEUTRAL
 
     def _are_swapped(self, frame: npt.NDArray[np.uint8], pose: Pose2, colors: Colors) -> bool:
         points, sides = self._points
@@ -152,4 +147,4 @@ class GoalSide:
         inner, outer = self.camera.usable_radius_px
         shown = (radius >= inner) & (radius <= outer) & is_inside(pixels, frame, self.mask)
         log_ratios = log_ratios_at(frame, pixels, shown)
-        return swapped_nats(log_ratios, sides[shown] > 0, colors.goal_log_ratios, self.settings.channels) > 0.0
+        return swapped_nats(log_ratios, sides[shown] > 0, colors.goal_log_ratios) > 0.0

@@ -36,7 +36,7 @@ from robocup_vision.localization.outline_model import (
     OutlineModel,
     OutlineNoise,
 )
-from robocup_vision.localization.outline_search import OutlineSearch, OutlineSearchSettings
+from robocup_vision.localization.outline_search import OutlineSearch
 from robocup_vision.localization.walls import wall_px
 from robocup_vision.perception.polar_view import PolarView
 
@@ -58,7 +58,6 @@ class OutlineSettings:
     """Settings of `OutlineFitter`; "units" are 1/86 of the usable image radius."""
 
     noise: OutlineNoise = OutlineNoise()
-    search: OutlineSearchSettings = OutlineSearchSettings()
     camera: OutlineCameraSettings = OutlineCameraSettings()
     #: widths of the redescending weights, units: from the first guess, and from a prior
     scales: tuple[float, ...] = (8.0, 5.0, 3.0, 2.0, 1.0)
@@ -104,7 +103,7 @@ class OutlineFitter:
         self.field, self.camera, self.view, self.settings = field, camera, view, settings
         self.evidence = load_evidence()
         self.model = OutlineModel(field, camera, view, settings.noise, settings.camera)
-        self.search = OutlineSearch(self.model, settings.search)
+        self.search = OutlineSearch(self.model)
         self._outline_evidence = OutlineEvidence(view, self.model.unit_px, self.evidence.outline)
         self._scales, self._prior_scales = (self.model.scales(one) for one in (settings.scales, settings.prior_scales))
 

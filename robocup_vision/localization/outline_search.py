@@ -16,20 +16,15 @@ from robocup_vision.kernels.walls import search as wall_search
 from robocup_vision.localization.distinct import Apart, may_be_one
 from robocup_vision.localization.outline_model import OutlineFit, OutlineModel
 
-
-@dataclass(frozen=True, slots=True)
-class OutlineSearchSettings:
-    """Settings of `OutlineSearch`; "units" are 1/86 of the usable image radius."""
-
-    #: bearings of the bank's outlines, number of places to fit, and truncation of a difference, units
-    bank_bearings: int = 80
-    bank_starts: int = 30
-    bank_width: float = 12.0
-    apart: Apart = Apart(0.1, 0.1, twins=True)  #: least distance of two fits to refine, and of two places
-    #: widths of the redescending weights, units: for all starts, and for the best of their fits
-    rough_scales: tuple[float, ...] = (8.0, 6.0, 4.0)
-    fine_scales: tuple[float, ...] = (3.0, 2.0, 1.0, 1.0)
-    refined: int = 16  #: number of fits refined with `fine_scales`
+# bearings of the bank's outlines, number of places to fit, and truncation of a difference, units
+BANK_BEARINGS = 80
+_BANK_STARTS = 30
+_BANK_WIDTH = 12.0
+_APART = Apart(0.1, 0.1, twins=True)  # least distance of two fits to refine, and of two places
+# widths of the redescending weights, units: for all starts, and for the best of their fits
+_ROUGH_SCALES = (8.0, 6.0, 4.0)
+_FINE_SCALES = (3.0, 2.0, 1.0, 1.0)
+_REFINED = 16  # number of fits refined with `fine_scales`
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,13 +32,12 @@ class OutlineSearch:
     """Searches the whole field for the pose of an outline."""
 
     model: OutlineModel
-    settings: OutlineSearchSettings
 
     def candidates(self, fit: OutlineFit, radius_px: FloatArray) -> list[OutlineFit]:
         """Return fits to an outline (K,) from another fit, from all over the field, and from along its walls."""
-        found = np.empty((self.settings.refined, 3))
+        found = np.empty((_REFINED, 3))
         count = wall_search.search_outline(fit.pose, radius_px, self._rules, found)
-        model, scales = self.model, self.model.scales(self.settings.fine_scales)
+        model, scales = self.model, self.model.scales(_FINE_SCALES)
         starts = [fit.pose, *((x, y, theta) for x, y, theta in found[:count].tolist())]
         # with errors of the camera, wrong places would fit better
         return [model.fit(start, radius_px, scales, trusts_file=True)[0] for start in starts]
@@ -51,14 +45,14 @@ class OutlineSearch:
     def may_be_one(self, fit: OutlineFit, other: OutlineFit) -> bool:
         """Whether two fits may be of the same place, up to a half turn, by the covariance of `other`."""
         pose, place = Pose2(*fit.pose), Pose2(*other.pose)
-        if self.settings.apart.is_one(pose, place):
+        if _APART.is_one(pose, place):
             return True
         return any(may_be_one(one, place, other.covariance) for one in (pose, pose.half_turn()))
 
     @cached_property
     def _rules(self) -> wall_search.SearchRules:
         """The parameters of the compiled search."""
-        model, settings = self.model, self.settings
+        model = self.model
         return plain(
             wall_search.SearchRules(
                 model.scene,
@@ -68,17 +62,17 @@ class OutlineSearch:
                 self._bank_rows,
                 self._px_per_level,
                 *self._ways,
-                np.array(settings.rough_scales) * model.unit_px,
-                settings.bank_starts,
-                settings.apart.m,
-                settings.apart.rad,
+                np.array(_ROUGH_SCALES) * model.unit_px,
+                _BANK_STARTS,
+                _APART.m,
+                _APART.rad,
             )
         )
 
     @property
     def _px_per_level(self) -> float:
         """Pixels for each level of the bank's outlines."""
-        return self.settings.bank_width * self.model.unit_px / int(wall_search.MAX_DIFFERENCE)
+        return _BANK_WIDTH * self.model.unit_px / int(wall_search.MAX_DIFFERENCE)
 
     @property
     def _ways(self) -> tuple[FloatArray, FloatArray]:
@@ -90,7 +84,7 @@ class OutlineSearch:
     @property
     def _bank_rows(self) -> Int64Array:
         """(B,) int64: indices of the outline's bearings that are nearest to those of the bank."""
-        count, rows = self.settings.bank_bearings, len(self.model.view.bearing_rad)
+        count, rows = BANK_BEARINGS, len(self.model.view.bearing_rad)
         return np.asarray(np.rint(np.arange(count) * (rows / count)).astype(np.int64) % rows)
 
     @property
@@ -105,7 +99,7 @@ class OutlineSearch:
         x, y = np.meshgrid(x[x >= 0.0], y)
         places = np.stack([x.ravel(), y.ravel()], axis=1)
         places = places[model.field.contains(places)]
-        bearings = np.arange(self.settings.bank_bearings) * (math.tau / self.settings.bank_bearings)
+        bearings = np.arange(BANK_BEARINGS) * (math.tau / BANK_BEARINGS)
         q, wall = np.empty(len(bearings)), np.empty(len(bearings), dtype=np.int64)
         out = kernels.WallPrediction(q, wall, np.empty((len(model.scene.walls), 4)))
         scene = model.scene._replace(cos_b=np.cos(bearings), sin_b=np.sin(bearings))

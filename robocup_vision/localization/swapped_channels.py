@@ -8,7 +8,6 @@ neutral.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,27 +20,19 @@ SWAPPED_BY_GOALS = (
 
 # one grey level for each of nine pixels, to avoid the logarithm of zero
 _DARKEST = 9
-
-
-@dataclass(frozen=True, slots=True)
-class SwappedChannelsSettings:
-    """Settings of the test; distances are in logarithms of R/G and B/G."""
-
-    #: least distance of every goal's colour from each goal's with red and blue swapped, given the accuracy of paints;
-    #: yellow and cyan are each other's
-    min_distance: float = 0.5
-    min_ratio: float = (
-        3.0  #: ratio of votes for the goals' own colours to those for swapped ones that decides without a fit
-    )
-    reach: float = 0.6  #: distance from a goal's colour beyond which a point does not support it
-    #: standard deviations of the light: about white, if its cast is possible, and about neutral
-    white_std: float = 0.2
-    light_std: float = 0.3
-    #: cast of the white reference beyond which votes do not decide, because it may be another paint
-    max_neutral: float = 0.5
-    max_light: float = math.log(2.0)  #: cast of the white reference beyond which it is another paint
-    #: number of points for one unit of log-likelihood, because points on one wall are not independent
-    light_points: float = 4.0
+# least distance of every goal's colour from each goal's with red and blue swapped, given the accuracy of paints;
+# yellow and cyan are each other's
+MIN_DISTANCE = 0.5
+MIN_RATIO = 3.0  # ratio of votes for the goals' own colours to those for swapped ones that decides without a fit
+_REACH = 0.6  # distance from a goal's colour beyond which a point does not support it
+# standard deviations of the light: about white, if its cast is possible, and about neutral
+_WHITE_STD = 0.2
+_LIGHT_STD = 0.3
+# cast of the white reference beyond which votes do not decide, because it may be another paint
+MAX_NEUTRAL = 0.5
+_MAX_LIGHT = math.log(2.0)  # cast of the white reference beyond which it is another paint
+# number of points for one unit of log-likelihood, because points on one wall are not independent
+_LIGHT_POINTS = 4.0
 
 
 def goal_points(field: Field) -> tuple[FloatArray, FloatArray]:
@@ -82,7 +73,6 @@ def swapped_nats(
     log_ratios: FloatArray,
     is_positive: BoolArray,
     palette: FloatArray,
-    settings: SwappedChannelsSettings = SwappedChannelsSettings(),
 ) -> float:
     """Return the log-likelihood ratio, nats, of goals with red and blue swapped to the goals' own colours.
 
@@ -98,23 +88,23 @@ def swapped_nats(
     white, paints = palette[4], palette[:4] - palette[4]
     own, swapped = (
         max(
-            _support(log_ratios - np.where(is_positive[:, None], first, second), white, settings)
+            _support(log_ratios - np.where(is_positive[:, None], first, second), white)
             for first, second in ((pair[0], pair[1]), (pair[1], pair[0]))
         )
         for pair in (paints[:2], paints[2:])
     )
-    return (swapped - own) / settings.light_points
+    return (swapped - own) / _LIGHT_POINTS
 
 
-def _support(lights: FloatArray, white: FloatArray, settings: SwappedChannelsSettings) -> float:
+def _support(lights: FloatArray, white: FloatArray) -> float:
     """Return the number of points that agree under the best light, minus the cost of that light.
 
     `lights` (N, 2) are the lights that give the points their goal's colour; `white` (2,) is the light by white.
     """
     tried = np.vstack([np.zeros(2), white, lights])
-    cost = (tried**2).sum(axis=1) / settings.light_std**2
-    if float(np.abs(white).max()) < settings.max_light:
-        cost = np.minimum(cost, ((tried - white) ** 2).sum(axis=1) / settings.white_std**2)
+    cost = (tried**2).sum(axis=1) / _LIGHT_STD**2
+    if float(np.abs(white).max()) < _MAX_LIGHT:
+        cost = np.minimum(cost, ((tried - white) ** 2).sum(axis=1) / _WHITE_STD**2)
     away2 = ((lights[None] - tried[:, None]) ** 2).sum(axis=2)
-    agree = np.maximum(0.0, 1.0 - away2 / settings.reach**2).sum(axis=1)
-    return float((agree - 0.5 * settings.light_points * cost).max())
+    agree = np.maximum(0.0, 1.0 - away2 / _REACH**2).sum(axis=1)
+    return float((agree - 0.5 * _LIGHT_POINTS * cost).max())

@@ -8,7 +8,6 @@ robots or balls hide a foot are outliers.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -48,19 +47,15 @@ def wall_px(walls: FloatArray, robot: Pose2, view: PolarView | FloorView) -> Flo
     return read_only(np.where(np.isfinite(nearest), radius, np.nan))
 
 
-@dataclass(frozen=True, slots=True)
-class WallTiltSettings:
-    """Settings of `tilt_by_walls`."""
-
-    #: range of the search, standard deviations of the tilt, and its step
-    max_stds: float = 4.0
-    step_px: float = 0.5
-    noise_px: float = 1.5  #: noise of the floor's end at a bearing, by blur and the step between samples
-    signs: float = 8.0  #: number of independent bearings, because errors of neighbours are correlated
-    #: least number of bearings with a predicted wall and an end of the floor, and least ratio of inliers
-    min_bearings: int = 20
-    min_support: float = 0.25
-    min_turn_px: float = 1.0  #: least change of tilt that is returned, as a shift of the picture
+# range of the search, standard deviations of the tilt, and its step
+_MAX_STDS = 4.0
+_STEP_PX = 0.5
+_NOISE_PX = 1.5  # noise of the floor's end at a bearing, by blur and the step between samples
+_SIGNS = 8.0  # number of independent bearings, because errors of neighbours are correlated
+# least number of bearings with a predicted wall and an end of the floor, and least ratio of inliers
+MIN_BEARINGS = 20
+_MIN_SUPPORT = 0.25
+_MIN_TURN_PX = 1.0  # least change of tilt that is returned, as a shift of the picture
 
 
 def tilt_by_walls(
@@ -69,7 +64,6 @@ def tilt_by_walls(
     walls: FloatArray,
     estimate: PoseEstimate,
     camera: PinholeCamera,
-    settings: WallTiltSettings = WallTiltSettings(),
 ) -> float | None:
     """Return the camera's tilt at which the floor ends at the walls (W, 4), radians; None if it would not change.
 
@@ -80,19 +74,19 @@ def tilt_by_walls(
     predicted = wall_px(walls, pose, view)
     past = edge_px - predicted
     known = np.isfinite(past)
-    if np.count_nonzero(known) < settings.min_bearings:
+    if np.count_nonzero(known) < MIN_BEARINGS:
         return None
     sway, _ = camera.sway_std_rad
     sway_px = sway * camera.focal_px[1]
-    reach = settings.max_stds * sway_px
-    if reach < settings.step_px:
+    reach = _MAX_STDS * sway_px
+    if reach < _STEP_PX:
         return None
-    shifts = np.arange(-reach, reach + settings.step_px, settings.step_px)
-    agree = np.exp(-0.5 * ((past[known] - shifts[:, None]) / settings.noise_px) ** 2).mean(axis=1)
+    shifts = np.arange(-reach, reach + _STEP_PX, _STEP_PX)
+    agree = np.exp(-0.5 * ((past[known] - shifts[:, None]) / _NOISE_PX) ** 2).mean(axis=1)
     # 2 % of the bearings agree by chance
-    score = settings.signs * np.log(agree + 0.02) - 0.5 * (shifts / sway_px) ** 2
+    score = _SIGNS * np.log(agree + 0.02) - 0.5 * (shifts / sway_px) ** 2
     best = int(np.argmax(score))
-    if agree[best] < settings.min_support:
+    if agree[best] < _MIN_SUPPORT:
         return None
     # an error of the pose towards the walls also moves their feet
     c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
@@ -101,6 +95,6 @@ def tilt_by_walls(
     by_pose = np.abs(moved - predicted)[known]
     pose_px = float(np.nanmedian(by_pose)) if np.isfinite(by_pose).any() else math.inf
     shift_px = float(shifts[best]) * sway_px**2 / (sway_px**2 + pose_px**2)
-    if abs(shift_px) < settings.min_turn_px:
+    if abs(shift_px) < _MIN_TURN_PX:
         return None
     return (camera.tilt_rad or 0.0) - shift_px / camera.focal_px[1]

@@ -18,7 +18,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor import outline
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import make_mirror_localizer
-from robocup_vision.localization.swapped_channels import SwappedChannelsSettings
+from robocup_vision.localization.swapped_channels import MIN_DISTANCE
 from robocup_vision.perception.balls.finder import BallFinder
 from robocup_vision.perception.balls.look import BallFrame
 from robocup_vision.perception.balls.projection import MirrorBallProjection
@@ -189,7 +189,7 @@ class OmniPipeline(FramePipeline):
         most = self._channel_order.settings.max_nats
         if isinstance(pose, SwappedChannels):
             return most
-        tells = self.field.halves_differ and table.colors.swap_distance >= SwappedChannelsSettings().min_distance
+        tells = self.field.halves_differ and table.colors.swap_distance >= MIN_DISTANCE
         return -most if tells and pose and len(pose.candidates) == 1 else 0.0
 
     def _read_floor(

@@ -23,7 +23,7 @@ from robocup_vision.kernels.floor import dark_feet
 from robocup_vision.localization.localizer import Localization, frame_alone
 from robocup_vision.localization.methods import calibrated_localizer, make_pinhole_localizer
 from robocup_vision.localization.swapped_channels import (
-    SwappedChannelsSettings,
+    MIN_DISTANCE,
     goal_points,
     is_inside,
     log_ratios_at,
@@ -278,15 +278,14 @@ class PinholePipeline(FramePipeline):
 
     def _goal_nats(self, frame: UInt8Array, camera: PinholeCamera, colors: Colors, robot: Pose2 | None) -> float:
         """Return what goals of two colours in view tell of swapped red and blue, nats."""
-        settings = SwappedChannelsSettings()
         points, sides = self._goal_points
-        if robot is None or not len(points) or colors.swap_distance < settings.min_distance:
+        if robot is None or not len(points) or colors.swap_distance < MIN_DISTANCE:
             return 0.0
         on_robot = np.column_stack([robot.inverse().transform(points[:, :2]), points[:, 2]])
         pixels = camera.point_to_pixel(on_robot)
         shown = is_inside(pixels, frame, self._mask)
         log_ratios = log_ratios_at(frame, pixels, shown)
-        return swapped_nats(log_ratios, sides[shown] > 0, colors.goal_log_ratios, settings)
+        return swapped_nats(log_ratios, sides[shown] > 0, colors.goal_log_ratios)
 
     def drop(self, t_s: float | None = None, odometry: Pose2 | None = None) -> View:
         """Return the view of a frame that the camera did not give; see `Vision.look`."""

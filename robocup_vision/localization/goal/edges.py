@@ -21,8 +21,6 @@ from robocup_vision.localization.goal.geometry import (
 
 FOOT_OFFSETS = np.array([-0.7, -0.35, 0.0, 0.35, 0.7])
 _NO_MASK = np.empty((0, 0), np.uint8)
-
-
 _SPACING_PX = 2.0  # between samples on an edge: the noise of nearer ones is correlated
 _MAX_SAMPLES = 40  # of one edge: more take time and hardly improve a fit
 _PAINT_DEPTH_PX = 3.0  # how far inside an edge there must be paint of the goal's colour

@@ -44,8 +44,6 @@ from robocup_vision.localization.goal.geometry import (
 )
 
 _FIRST_EDGES, _BOTH_POSTS = np.arange(EDGES) != BAR_BOTTOM, np.ones(2, bool)
-
-
 # an edge sample nearer than this to the fit's edge agrees with it; a foot sample within twice that
 INLIER_PX = 0.5
 # weight of a foot sample beside an edge sample: feet alone separate the two branches of a plane's picture, and are

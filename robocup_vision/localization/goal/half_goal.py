@@ -31,8 +31,6 @@ from robocup_vision.perception.goal_region import Strip
 
 _START_SCALES, _AGAIN_SCALES = np.full(8, 100.0), np.ones(3)
 _AROUND = np.ones((3, 3), np.uint8)
-
-
 # standard deviations of the prior's position and heading: odometry over a few seconds
 PRIOR_STD_M = 0.4
 PRIOR_STD_RAD = 0.15

@@ -44,8 +44,6 @@ from robocup_vision.perception.goal_region import (
 )
 
 _START_SCALES = np.full(8, 100.0)
-
-
 _GLARE = 235.0  # samples brighter than this, of paint half washed white, are dropped
 # score from which the search ends: edges of clutter agree with a goal in half of their places at most
 _CLEAR_SCORE = 0.8

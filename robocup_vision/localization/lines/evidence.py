@@ -17,7 +17,7 @@ from robocup_vision.arrays import BoolArray, FloatArray
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.fit import residuals_of, seen_points
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.localization.lines.search import LineSearchSettings, patches
+from robocup_vision.localization.lines.search import NOISE_PX, POINTS_PER_PATCH, patches
 from robocup_vision.perception.line_points import LinePoints
 
 # bound of the fraction of points on lines, and of the probability of chance: fields and cameras are known no better
@@ -27,18 +27,15 @@ _MAX_RATIO, _CHANCE = 0.98, (1e-3, 1.0 - 1e-6)
 class LinePointEvidence:
     """Weighs poses by the line points of one frame.
 
-    Parameters
-    ----------
-    settings : LineSearchSettings
-        Its `noise_px` is the greatest distance of a point from the line that it is on, across the line in the image.
+    A point is on a line no farther from it than the search's noise, across the line in the image.
     """
 
-    def __init__(self, points: LinePoints, line_map: LineMap, settings: LineSearchSettings) -> None:
+    def __init__(self, points: LinePoints, line_map: LineMap) -> None:
         points = line_map.within_reach(points)
-        self._map, self._seen, self._near_px = line_map, seen_points(points, line_map), settings.noise_px
-        member, _, count = patches(points.floor_m, settings)
+        self._map, self._seen, self._near_px = line_map, seen_points(points, line_map), NOISE_PX
+        member, _, count = patches(points.floor_m)
         total = np.bincount(member, points.weight, len(count))
-        full = np.minimum(1.0, count / settings.points_per_patch)
+        full = np.minimum(1.0, count / POINTS_PER_PATCH)
         self._weight: FloatArray = points.weight * (full / np.maximum(total, 1e-9))[member]
         metres_per_px = np.sqrt(points.floor_per_px2)
         # the lines that a point's surroundings hold if they lie as on the field, but anywhere

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -13,35 +13,30 @@ from field_models.field import Field
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.evidence import LinePointEvidence
-from robocup_vision.localization.lines.fit import LineFitSettings, refine_by_lines
+from robocup_vision.localization.lines.fit import refine_by_lines
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.search import (
+    APART,
+    MIN_POINTS,
+    PATCH_M,
     LineCandidate,
-    LineSearchSettings,
     search_by_lines,
     thinned,
 )
 from robocup_vision.perception.line_points import FloorCamera, LineFinder, LinePoints
 
-
-@dataclass(frozen=True, slots=True)
-class LineSettings:
-    """Settings of `LinePoseEstimator`."""
-
-    search: LineSearchSettings = LineSearchSettings()
-    fit: LineFitSettings = LineFitSettings()
-    #: least log-likelihood ratio of a pose against clutter, and against every other place
-    min_log_odds: float = 15.0
-    min_lead: float = 7.0
-    #: least ratio of lines on visible floor that were found
-    min_support: float = 0.75
-    #: greatest standard deviations of an accepted pose
-    max_std_m: float = 0.25
-    max_std_rad: float = math.radians(8.0)
-    #: greatest distance of a followed pose from the start: half the distance between two modes of the search for usual
-    #: distances of lines
-    max_followed_m: float = 0.3
-    max_followed_rad: float = math.radians(10.0)
+# least log-likelihood ratio of a pose against clutter, and against every other place
+_MIN_LOG_ODDS = 15.0
+_MIN_LEAD = 7.0
+# least ratio of lines on visible floor that were found
+_MIN_SUPPORT = 0.75
+# greatest standard deviations of an accepted pose
+_MAX_STD_M = 0.25
+_MAX_STD_RAD = math.radians(8.0)
+# greatest distance of a followed pose from the start: half the distance between two modes of the search for usual
+# distances of lines
+_MAX_FOLLOWED_M = 0.3
+_MAX_FOLLOWED_RAD = math.radians(10.0)
 
 
 class LinePoseEstimator:
@@ -52,12 +47,10 @@ class LinePoseEstimator:
         field: Field,
         camera: FloorCamera,
         mask: npt.NDArray[np.generic] | None = None,
-        settings: LineSettings = LineSettings(),
     ) -> None:
-        self.settings = settings
         self.line_map = LineMap(field)
         self.finder = LineFinder(camera, field.line_width_m, mask)
-        self._model_points_m = field.line_points(self.settings.search.patch_m)
+        self._model_points_m = field.line_points(PATCH_M)
 
     def locate(
         self,
@@ -68,7 +61,7 @@ class LinePoseEstimator:
         If the field's lines are point-symmetric, the estimate has both candidates, half a turn apart.
         """
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
-        found = search_by_lines(points, self.line_map, settings=self.settings.search)
+        found = search_by_lines(points, self.line_map)
         if not found:
             return NotLocated(f"too little of the field's lines in view ({len(points)} line points)")
         evidence = self._evidence(points)
@@ -85,7 +78,7 @@ class LinePoseEstimator:
         NotLocated if the lines lead away from the start.
         """
         points = frame if isinstance(frame, LinePoints) else self.finder.find(frame)
-        if len(points) < self.settings.search.min_points:
+        if len(points) < MIN_POINTS:
             return NotLocated(f"too little of the field's lines in view ({len(points)} line points)")
         refined = self._refined(start, points, self._evidence(points))
         if not refined:
@@ -99,24 +92,23 @@ class LinePoseEstimator:
         """Whether one of an estimate's candidates may be the same as another pose."""
         for pose in estimate.candidates:
             distance, angle = pose.error_to(start)
-            if distance <= self.settings.max_followed_m and angle <= self.settings.max_followed_rad:
+            if distance <= _MAX_FOLLOWED_M and angle <= _MAX_FOLLOWED_RAD:
                 return True
         return False
 
     def _refined(self, start: Pose2, points: LinePoints, evidence: LinePointEvidence) -> PoseEstimate | NotLocated:
         """Refine a pose; NotLocated if the lines do not confirm it or do not determine it."""
-        settings = self.settings
-        refined = refine_by_lines(start, points, self.line_map, settings=settings.fit)
+        refined = refine_by_lines(start, points, self.line_map)
         if not refined:
             return refined
         log_odds = evidence.log_odds(refined.pose)
-        if log_odds < settings.min_log_odds:
+        if log_odds < _MIN_LOG_ODDS:
             agree = f"{refined.inlier_ratio:.0%} of {len(points)} line points lie on lines of the best pose"
-            return NotLocated(f"{agree}, log odds {log_odds:.0f} of {settings.min_log_odds:.0f}")
+            return NotLocated(f"{agree}, log odds {log_odds:.0f} of {_MIN_LOG_ODDS:.0f}")
         support = self._support(refined.pose, points)
-        if support < settings.min_support:
+        if support < _MIN_SUPPORT:
             return NotLocated(f"only {support:.0%} of the lines that should be in plain sight were seen")
-        if max(refined.std[:2]) > settings.max_std_m or refined.std[2] > settings.max_std_rad:
+        if max(refined.std[:2]) > _MAX_STD_M or refined.std[2] > _MAX_STD_RAD:
             return NotLocated("the lines in view do not fix the pose")
         return refined
 
@@ -124,17 +116,16 @@ class LinePoseEstimator:
         self, found: list[LineCandidate], points: LinePoints, evidence: LinePointEvidence
     ) -> Pose2 | NotLocated:
         """Refine the candidates, and return the likeliest if it has no rival."""
-        settings = self.settings
-        thin = thinned(points, settings.search)
-        answers = [refine_by_lines(one.pose, thin, self.line_map, settings=settings.fit) for one in found]
+        thin = thinned(points)
+        answers = [refine_by_lines(one.pose, thin, self.line_map) for one in found]
         poses = [answer.pose if answer else one.pose for answer, one in zip(answers, found, strict=True)]
         log_odds = np.array([evidence.log_odds(pose) for pose in poses])
         order = np.argsort(-log_odds, kind="stable")
         best: Pose2 = poses[order[0]]
-        apart = replace(settings.search.apart, twins=self.line_map.is_point_symmetric)
+        apart = replace(APART, twins=self.line_map.is_point_symmetric)
         for place in order[1:]:
             other = poses[place]
-            if log_odds[place] > log_odds[order[0]] - settings.min_lead and not apart.is_one(other, best):
+            if log_odds[place] > log_odds[order[0]] - _MIN_LEAD and not apart.is_one(other, best):
                 return NotLocated(
                     f"the lines fit two poses about equally well: ({best.x_m:.2f}, {best.y_m:.2f}) "
                     f"and ({other.x_m:.2f}, {other.y_m:.2f})"
@@ -142,7 +133,7 @@ class LinePoseEstimator:
         return best
 
     def _evidence(self, points: LinePoints) -> LinePointEvidence:
-        return LinePointEvidence(points, self.line_map, self.settings.search)
+        return LinePointEvidence(points, self.line_map)
 
     def _support(self, pose: Pose2, points: LinePoints) -> float:
         """Return the ratio of predicted line points that were found to those found or bare floor."""

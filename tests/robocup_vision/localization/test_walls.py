@@ -11,7 +11,7 @@ from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.walls import WallTiltSettings, tilt_by_walls, wall_range_m
+from robocup_vision.localization.walls import MIN_BEARINGS, tilt_by_walls, wall_range_m
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.vision import Vision
 from sim2d.rendering.goal.scenes import CLEAR_SHOT
@@ -48,7 +48,7 @@ def test_it_is_left_where_the_ends_are_few_or_agree_on_nothing_or_say_nothing_ne
     rng = np.random.default_rng(2)
     ends = seen_ends(HELD.tilt_rad + 0.01, rng)
     assert tilt_by_walls(VIEW, ends, WALLS, ROBOT, HELD) is not None
-    few = np.where(np.arange(VIEW.bearings) < WallTiltSettings().min_bearings - 1, ends, np.nan)
+    few = np.where(np.arange(VIEW.bearings) < MIN_BEARINGS - 1, ends, np.nan)
     assert tilt_by_walls(VIEW, few, WALLS, ROBOT, HELD) is None
     assert tilt_by_walls(VIEW, ends - rng.uniform(0, 300, VIEW.bearings), WALLS, ROBOT, HELD) is None
     assert tilt_by_walls(VIEW, seen_ends(HELD.tilt_rad, rng), WALLS, ROBOT, HELD) is None

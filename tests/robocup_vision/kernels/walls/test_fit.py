@@ -24,11 +24,11 @@ from robocup_vision.kernels.walls.fit import (
 )
 from robocup_vision.kernels.walls.hull import hull_moments, hull_radius, star_moments
 from robocup_vision.kernels.walls.search import MAX_DIFFERENCE, sum_differences
-from robocup_vision.localization.outline_search import OutlineSearchSettings
+from robocup_vision.localization.outline_search import BANK_BEARINGS
 
 
 def test_no_sum_of_differences_is_too_large_for_two_bytes():
-    count = OutlineSearchSettings().bank_bearings
+    count = BANK_BEARINGS
     out = np.empty((1, count), dtype=np.int16)
     sum_differences(np.zeros((1, 2 * count), dtype=np.int16), np.full(count, 2**15 - 1, dtype=np.int16), out)
     assert (out == count * int(MAX_DIFFERENCE)).all()

@@ -18,7 +18,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.evidence import LinePointEvidence
 from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator, refine_by_lines
-from robocup_vision.localization.lines.search import LineSearchSettings, has_continuation, search_by_lines
+from robocup_vision.localization.lines.search import has_continuation, search_by_lines
 from robocup_vision.perception.line_points import LinePoints
 
 REAL = Path(__file__).resolve().parents[5] / "shared" / "real"
@@ -162,23 +162,23 @@ def test_what_stands_around_the_carpet_is_neither_for_nor_against_a_pose(estimat
     # points on the carpet speak against it
     carpet_m = truth.inverse().transform(rng.uniform(*MAP.extent_m, (2 * (len(points) - len(lines)), 2)))
     specks = LinePoints.from_pixels(CAMERA, CAMERA.floor_to_pixel(carpet_m))
-    around, among = (LinePointEvidence(seen, MAP, LineSearchSettings()) for seen in (points, joined(lines, specks)))
+    around, among = (LinePointEvidence(seen, MAP) for seen in (points, joined(lines, specks)))
     assert among.log_odds(truth) < 0.8 * around.log_odds(truth)
 
 
 @given(st.floats(-2.0, 2.0), st.floats(-1.5, 1.5), st.floats(-math.pi, math.pi), st.integers(0, 2**32 - 1))
 def test_a_pose_and_its_half_turn_weigh_the_same_and_chance_weighs_nothing(x, y, theta, seed):
     truth, rng = Pose2(x, y, theta), np.random.default_rng(seed)
-    weigh = LinePointEvidence(seen_points(truth, rng), MAP, LineSearchSettings()).log_odds
+    weigh = LinePointEvidence(seen_points(truth, rng), MAP).log_odds
     assert weigh(truth) == pytest.approx(weigh(truth.half_turn()), rel=0.05)
     specks = LinePoints.from_pixels(CAMERA, rng.uniform([150, 70], [490, 400], (400, 2)))
-    assert LinePointEvidence(specks, MAP, LineSearchSettings()).log_odds(truth) < 0.25 * weigh(truth)
+    assert LinePointEvidence(specks, MAP).log_odds(truth) < 0.25 * weigh(truth)
 
 
 def test_the_one_line_that_any_straight_edge_fits_is_no_evidence():
     floor = np.stack([np.linspace(-1.5, 1.5, 300), np.full(300, 0.8)], axis=1)
     edge = LinePoints.from_pixels(CAMERA, CAMERA.floor_to_pixel(floor))
-    evidence = LinePointEvidence(edge, MAP, LineSearchSettings())
+    evidence = LinePointEvidence(edge, MAP)
     # the edge lies on the touch line y = 2
     assert evidence.log_odds(Pose2(0.4, 1.2, 0.0)) == 0.0
 
