@@ -1,7 +1,11 @@
-"""Compiled times to contact of many commands: `trajectories.contact_time` in parallel lanes.
+"""Compiled times at which trajectories leave the grown profile, of many commands in parallel lanes.
 
 A lane that has ended takes the next command, so that few long trajectories do not delay many short ones. The loops over
 lanes have neither branches nor look-ups, so that they vectorise.
+
+The velocity changes straight towards its target, so that no component exceeds the greater of its present and target
+values. With outward speed u, inward speed d and sideward speed w bounded like that, the bearing changes by less than
+phi while w t <= (r - d t) tan(phi), and until then the range grows by at most (u + w sin(phi)) t.
 """
 
 from __future__ import annotations
@@ -13,8 +17,11 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, UInt32Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.mapping.grown_profile import BINS, COARSE, FINE, Profile
-from robocup_vision.kernels.motion.trajectories import COARSE_SIN, COARSE_TAN, FINE_SIN, FINE_TAN, Pair
+from robocup_vision.kernels.motion.trajectories import Pair
 
+# the diamond angle changes at most as fast as the bearing, so that a group is at least 4 / groups radians wide
+FINE_SIN, FINE_TAN = math.sin(4.0 / FINE), math.tan(4.0 / FINE)
+COARSE_SIN, COARSE_TAN = math.sin(4.0 / COARSE), math.tan(4.0 / COARSE)
 LANES = 16
 # rows of a command: velocity now and commanded, end of the horizon, the greater speed and its inverse, time at which
 # the command is reached, change of velocity per second as a ratio, shortest step
@@ -41,18 +48,25 @@ def contact_times(
     smallest: float,
     out: FloatArray,
 ) -> None:
-    """Fill out (N,) with `contact_time` of each command.
+    """Fill out (N,) with T_j (eq. 15), the last time that is certainly free before a trajectory leaves the profile.
+
+    The next sample is as late as the profile's minima nearby certainly allow, at least `step_m` on. The contact is then
+    bracketed to a tenth of that from the free side, because a late T_j is a collision.
 
     Parameters
     ----------
-    start, acceleration, step_m, profile, smallest
-        As in `contact_time`.
+    start, acceleration
+        As in `predict_position`. The start is not tested, because a robot in contact may leave.
     velocities, targets : (2, N) float64
         Present and commanded velocity, m/s.
     horizons : (N,) float64
-        Seconds.
+        Lengths of the trajectories, seconds.
+    step_m : float
+        Sample distance close to an obstacle.
+    profile, smallest
+        From `grow_profile`.
     out : (N,) float64
-        Filled.
+        Seconds; inf: no contact within the horizon.
     """
     count = out.shape[0]
     commands = np.empty((COMMAND, count))
@@ -80,6 +94,26 @@ def contact_times(
         if job[n] >= 0:
             commands[FREE, job[n]], commands[TIME, job[n]] = lanes[FREE, n], lanes[TIME, n]
     _bracket(start, 0.1 * step_m, profile, commands, out)
+
+
+@compiled(error_model="numpy")
+def contact_time(
+    start: Pair,
+    velocity: Pair,
+    target: Pair,
+    acceleration: float,
+    horizon: float,
+    step_m: float,
+    profile: Profile,
+    smallest: float,
+) -> float:
+    """Return the time to contact of one command; parameters as in `contact_times`."""
+    velocities, targets, horizons, out = np.empty((2, 1)), np.empty((2, 1)), np.empty(1), np.empty(1)
+    velocities[0, 0], velocities[1, 0] = velocity
+    targets[0, 0], targets[1, 0] = target
+    horizons[0] = horizon
+    contact_times(start, velocities, targets, acceleration, horizons, step_m, profile, smallest, out)
+    return float(out[0])
 
 
 @compiled(error_model="numpy")
@@ -124,7 +158,10 @@ def _bin(x: float, y: float) -> np.uint32:
 def _sure_time(
     r: float, clear: float, out: float, inward: float, sideward: float, sine: float, tangent: float
 ) -> float:
-    """As in `trajectories`, without branches."""
+    """Return the seconds for which a point at range r certainly stays within a wedge (sine, tangent) and its range.
+
+    The speeds are multiplied by r. Written with one division, because divisions dominate its time.
+    """
     over_range, over_wedge = out + sideward * sine, sideward + inward * tangent
     by_range = clear * over_wedge < r * tangent * over_range
     return float((r * clear if by_range else r * r * tangent) / (over_range if by_range else over_wedge))

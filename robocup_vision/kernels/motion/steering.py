@@ -11,9 +11,9 @@ from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.copies import copy_vector
 from robocup_vision.kernels.mapping.grown_profile import Profile, Sectors, grow_profile, measure_sectors, profile_bin
-from robocup_vision.kernels.motion.contact_times import contact_times
+from robocup_vision.kernels.motion.contact_times import contact_time, contact_times
 from robocup_vision.kernels.motion.moving_contact import moving_contact_then_stop, moving_contact_time
-from robocup_vision.kernels.motion.trajectories import contact_time, predict_position, predict_velocity
+from robocup_vision.kernels.motion.trajectories import predict_position, predict_velocity
 
 Pair = tuple[float, float]
 Outcome = tuple[int, int, float, float]
