@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
 import cv2
@@ -21,6 +21,10 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.landmarks.matching import Described, best_two
 
 RATIO = 0.7  # eq. 3
+# the same in the small window where a known pose puts a landmark: few rivals are left in it
+KNOWN_RATIO = 0.85
+# a feature's diameter may differ from the expected one by this factor: half an octave and some noise
+SIZE_RATIO = 1.6
 # unit descriptors farther apart than this are of different things even where no rival is near: a right angle is 1.41
 MAX_DISTANCE = 0.75
 # descriptors are stored in bytes; a unit vector's largest entries are near 0.4 after SIFT's own clipping
@@ -52,13 +56,7 @@ class Features:
 
     def take(self, index: npt.NDArray[np.intp] | npt.NDArray[np.int64] | npt.NDArray[np.bool_]) -> Features:
         """Return some of them, in this order."""
-        return Features(
-            self.pixels[index],
-            self.size_px[index],
-            self.spacing_px[index],
-            self.contrast[index],
-            self.descriptors[index],
-        )
+        return Features(*(getattr(self, f.name)[index] for f in fields(self)))
 
 
 class Extractor(Protocol):
@@ -177,12 +175,7 @@ def features_of(
     length = np.maximum(np.linalg.norm(descriptors, axis=1, keepdims=True), 1e-9)
     unit = np.ascontiguousarray(descriptors / length, dtype=np.float32)
     spacing = np.asarray(2.0**octave * scale, dtype=np.float64)
-    return Features(ideal_pixels(camera, pixels), raw[:, 2] * scale, spacing, raw[:, 3], unit)
-
-
-def ideal_pixels(camera: PinholeCamera, pixels: FloatArray) -> FloatArray:
-    """Pixels (N, 2) as a camera without distortion would have them; NaN where the lens shows nothing."""
-    return camera.ideal_pixels(pixels)
+    return Features(camera.ideal_pixels(pixels), raw[:, 2] * scale, spacing, raw[:, 3], unit)
 
 
 def to_bytes(descriptors: Float32Array) -> UInt8Array:
@@ -234,11 +227,11 @@ def match(
 
 
 def match_by_loop(
-    first: Described, second: Features, gate_px: tuple[float, float], size_ratio: float, *, ratio: float = RATIO
+    first: Described, second: Features, gate_px: tuple[float, float], *, ratio: float = RATIO
 ) -> tuple[Int64Array, Int64Array]:
     """Match as `match` does, landmark by landmark, within `gate_px` of where each is expected; compiled."""
     features = Described(second.descriptors, second.pixels, second.size_px)
-    best, nearest, runner_up = best_two(first, features, gate_px, size_ratio)
+    best, nearest, runner_up = best_two(first, features, gate_px, SIZE_RATIO)
     return _accept(best, nearest, runner_up, len(second), ratio)
 
 
@@ -267,10 +260,9 @@ def near(
     first_size: FloatArray,
     second: Features,
     gate_px: tuple[float, float],
-    size_ratio: float,
 ) -> npt.NDArray[np.bool_]:
     """(N, M) bool: which features lie within a window of the expected places and are about as large as expected."""
     du = np.abs(first_px[:, :1] - second.pixels[None, :, 0]) <= gate_px[0]
     dv = np.abs(first_px[:, 1:] - second.pixels[None, :, 1]) <= gate_px[1]
-    scale = np.abs(np.log(first_size)[:, None] - np.log(second.size_px)[None, :]) <= np.log(size_ratio)
+    scale = np.abs(np.log(first_size)[:, None] - np.log(second.size_px)[None, :]) <= np.log(SIZE_RATIO)
     return np.asarray(du & dv & scale)

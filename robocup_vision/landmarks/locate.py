@@ -21,7 +21,9 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.landmarks.fit import LandmarkPixels, fit_pose
 from robocup_vision.kernels.landmarks.matching import Described
 from robocup_vision.landmarks.features import (
+    KNOWN_RATIO,
     PIXEL_STD_PER_SPACING,
+    RATIO,
     Extractor,
     Features,
     SiftExtractor,
@@ -31,45 +33,28 @@ from robocup_vision.landmarks.features import (
 )
 from robocup_vision.landmarks.landmark_map import Expected, LandmarkMap, MapIndex, expect, pinhole_view
 from robocup_vision.landmarks.pose_fit import CHI2_2DOF, PoseFit, project, to_camera
-from robocup_vision.landmarks.relocate import Relocator, RelocatorSettings
+from robocup_vision.landmarks.relocate import Relocator
 from robocup_vision.landmarks.selection import Selection, TimeBudget, select
 
 Matching = Literal["loop", "product"]
 
-
-@dataclass(frozen=True, slots=True)
-class LandmarkSettings:
-    """Settings of `LandmarkPoseEstimator`. Pixels are those of an image 320 wide; they grow with the width."""
-
-    #: half the window around where the prior puts a landmark (eqs. 16 and 17): a prior 0.1 m off at 1 m.
-    gate_px: float = 40.0
-    #: eq. 3 in that window: the nearest descriptor must be nearer than this times the second nearest.
-    ratio: float = 0.7
-    #: the same after a first fit has placed the camera: a small window holds few rivals
-    known_gate_px: float = 4.0
-    known_ratio: float = 0.85
-    #: a feature's diameter may differ from the expected one by this factor: half an octave and some noise
-    size_ratio: float = 1.6
-    scouts: int = 16  #: the most informative landmarks are matched first; if they agree, the others need no wide window
-    #: smallest number of agreeing scout matches: with fewer, all landmarks are matched in the wide window
-    min_scout_inlier_ratio: float = 0.6
-    #: area of the tiles that `regions` looks at, of the frame's: a third of a frame costs as much as the whole
-    region_ratio: float = 0.17
-    #: of the weights in each iteration of the fit, standard deviations: wide for a poor prior, then down to the noise
-    weight_widths: tuple[float, ...] = (30.0, 15.0, 8.0, 5.0, 3.5, 3.0, 3.0, 3.0)
-    #: a pose has three unknowns and each landmark two numbers; six leave enough over to reject a wrong pose
-    min_inliers: int = 6
-    min_inlier_ratio: float = 0.4  #: of the matches; where fewer agree, the pose is as likely one of chance
-    max_std_m: float = 0.2  #: a less certain pose is refused
-    #: standard deviations of the prior when landmarks are selected
-    prior_std_m: float = 0.1
-    prior_std_rad: float = math.radians(5.0)
-    relocation: RelocatorSettings = RelocatorSettings()  #: of the search without a prior
-
-    @property
-    def prior_covariance(self) -> FloatArray:
-        """(3, 3) float64, of x, y and theta."""
-        return np.diag([self.prior_std_m**2, self.prior_std_m**2, self.prior_std_rad**2])
+# Pixels are those of an image 320 wide; they grow with the width.
+# half the window around where the prior puts a landmark (eqs. 16 and 17): a prior 0.1 m off at 1 m.
+_GATE_PX = 40.0
+_KNOWN_GATE_PX = 4.0  # the same after a first fit has placed the camera
+_SCOUTS = 16  # the most informative landmarks are matched first; if they agree, the others need no wide window
+# smallest number of agreeing scout matches: with fewer, all landmarks are matched in the wide window
+_MIN_SCOUT_INLIER_RATIO = 0.6
+# area of the tiles that `regions` looks at, of the frame's: a third of a frame costs as much as the whole
+_REGION_RATIO = 0.17
+# of the weights in each iteration of the fit, standard deviations: wide for a poor prior, then down to the noise
+_WEIGHT_WIDTHS = np.array((30.0, 15.0, 8.0, 5.0, 3.5, 3.0, 3.0, 3.0))
+# a pose has three unknowns and each landmark two numbers; six leave enough over to reject a wrong pose
+_MIN_INLIERS = 6
+_MIN_INLIER_RATIO = 0.4  # of the matches; where fewer agree, the pose is as likely one of chance
+_MAX_STD_M = 0.2  # a less certain pose is refused
+# of the prior, x (m), y (m) and theta (rad), when landmarks are selected
+_PRIOR_STD = (0.1, 0.1, math.radians(5.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,7 +100,6 @@ class LandmarkPoseEstimator:
         matching: Matching = "loop",
         extractor: Extractor | None = None,
         regions: bool = False,
-        settings: LandmarkSettings = LandmarkSettings(),
     ) -> None:
         if not camera.known_orientation:
             raise ArgumentError("a landmark map needs a camera of known tilt_rad")
@@ -129,10 +113,7 @@ class LandmarkPoseEstimator:
         self._matching = matching
         self._index = MapIndex(landmarks)
         self._budget = None if limit_s is None else TimeBudget(limit_s)
-        self._relocator = Relocator(landmarks, camera, settings.relocation)
-        self._settings = settings
-        self._widths = np.array(settings.weight_widths)
-        self._prior_covariance = settings.prior_covariance
+        self._relocator = Relocator(landmarks, camera)
         self._view = pinhole_view(camera)
         self._scale = camera.size_px[0] / 320
 
@@ -168,7 +149,7 @@ class LandmarkPoseEstimator:
         if self._regions is not None and near is not None:
             expected = self._expect(near.array, rng)
             extracting = time.perf_counter()
-            features = self._regions.extract_near(frame, expected.pixels, self._settings.region_ratio)
+            features = self._regions.extract_near(frame, expected.pixels, _REGION_RATIO)
             in_regions_s = time.perf_counter() - extracting
             result = self._find(features, near.array, expected, extracting - started)
             if result.pose:
@@ -227,7 +208,7 @@ class LandmarkPoseEstimator:
             expected,
             self.camera,
             pose,
-            self._prior_covariance,
+            np.diag(np.square(_PRIOR_STD)),
             at_most=at_most,
             rng=rng,
         )
@@ -236,25 +217,24 @@ class LandmarkPoseEstimator:
     def _find(self, features: Features, pose: FloatArray, expected: Expected, selected_s: float) -> LandmarkMatch:
         """Match the expected landmarks and fit the pose to them."""
         started = time.perf_counter()
-        matching_s, settings = 0.0, self._settings
+        matching_s = 0.0
         fit, rows, partners = None, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
         # the first few predict the others, which then need no wide gate
-        for first in (settings.scouts, len(expected)) if self._in_order(expected) else (len(expected),):
+        for first in (_SCOUTS, len(expected)) if self._in_order(expected) else (len(expected),):
             started_s = time.perf_counter()
             scouts = expected.take(np.arange(first))
-            rows, partners = self._match(scouts, scouts.pixels, features, settings.gate_px, settings.ratio)
+            rows, partners = self._match(scouts, scouts.pixels, features, _GATE_PX, RATIO)
             matching_s += time.perf_counter() - started_s
-            fit = self._fit(pose, expected, rows, features, partners) if len(rows) >= settings.min_inliers else None
-            if fit is not None and fit.inliers.sum() >= max(
-                settings.min_inliers, settings.min_scout_inlier_ratio * len(rows)
-            ):
+            fit = self._fit(pose, expected, rows, features, partners) if len(rows) >= _MIN_INLIERS else None
+            if fit is not None and fit.inliers.sum() >= max(_MIN_INLIERS, _MIN_SCOUT_INLIER_RATIO * len(rows)):
                 break
-        if fit is not None and fit.inliers.sum() >= settings.min_inliers:
-            pixels = self._project(fit.pose, expected)
+        if fit is not None and fit.inliers.sum() >= _MIN_INLIERS:
+            positions_m = self.landmarks.positions_m[expected.landmark]
+            pixels = project(self.camera, to_camera(self.camera, fit.pose, positions_m))
             started_s = time.perf_counter()
-            rows, partners = self._match(expected, pixels, features, settings.known_gate_px, settings.known_ratio)
+            rows, partners = self._match(expected, pixels, features, _KNOWN_GATE_PX, KNOWN_RATIO)
             matching_s += time.perf_counter() - started_s
-            fit = self._fit(fit.pose, expected, rows, features, partners) if len(rows) >= settings.min_inliers else None
+            fit = self._fit(fit.pose, expected, rows, features, partners) if len(rows) >= _MIN_INLIERS else None
         done = time.perf_counter()
         timings = {"select": selected_s, "match": matching_s, "fit": done - started - matching_s}
         if self._budget is not None:
@@ -265,22 +245,18 @@ class LandmarkPoseEstimator:
 
     def _in_order(self, expected: Expected) -> bool:
         """Whether the most informative landmarks come first, and there are more than the scouts."""
-        return self.selection.choice == "informative" and len(expected) > self._settings.scouts
+        return self.selection.choice == "informative" and len(expected) > _SCOUTS
 
     def _match(
         self, expected: Expected, pixels: FloatArray, features: Features, gate_px: float, ratio: float
     ) -> tuple[Int64Array, Int64Array]:
         unit = self.landmarks.view_unit[expected.view]
-        settings = self._settings
         gate = (gate_px * self._scale, gate_px * self._scale)
         if self._matching == "loop":
             described = Described(unit, pixels, expected.size_px)
-            return match_by_loop(described, features, gate, settings.size_ratio, ratio=ratio)
-        allowed = near(pixels, expected.size_px, features, gate, settings.size_ratio)
+            return match_by_loop(described, features, gate, ratio=ratio)
+        allowed = near(pixels, expected.size_px, features, gate)
         return match(unit, features.descriptors, allowed, ratio=ratio)
-
-    def _project(self, pose: FloatArray, expected: Expected) -> FloatArray:
-        return project(self.camera, to_camera(self.camera, pose, self.landmarks.positions_m[expected.landmark]))
 
     def _fit(
         self, start: FloatArray, expected: Expected, rows: Int64Array, features: Features, partners: Int64Array
@@ -291,22 +267,21 @@ class LandmarkPoseEstimator:
         std = PIXEL_STD_PER_SPACING * self.landmarks.noise[of] * features.spacing_px[partners]
         pose, squared = np.empty(3), np.empty(len(rows))
         matches = LandmarkPixels(positions, covariances, pixels, std)
-        normal = fit_pose(self._view, start, matches, self._widths, CHI2_2DOF, pose, squared)
+        normal = fit_pose(self._view, start, matches, _WEIGHT_WIDTHS, CHI2_2DOF, pose, squared)
         covariance = np.asarray(np.linalg.inv(normal), dtype=np.float64)
         return PoseFit(pose, covariance, squared <= CHI2_2DOF, squared)
 
     def _judge(self, fit: PoseFit | None, matched: int, expected: int) -> PoseEstimate | NotLocated:
         if fit is None:
             return NotLocated(f"only {matched} of {expected} expected landmarks were found")
-        settings = self._settings
         agree = int(fit.inliers.sum())
-        if agree < settings.min_inliers or agree < settings.min_inlier_ratio * matched:
+        if agree < _MIN_INLIERS or agree < _MIN_INLIER_RATIO * matched:
             return NotLocated(f"only {agree} of {matched} found landmarks agree on a pose")
         # the found landmarks' own error (larger in poorer light than the map was made in), and the map's drift
         poorer = max(float(fit.squared[fit.inliers].sum()) / max(2 * agree - 3, 1), 1.0)
         covariance = fit.covariance * poorer + self.landmarks.drift(fit.pose)
         std = np.sqrt(np.diag(covariance))
-        if not max(std[:2]) < settings.max_std_m:
+        if not max(std[:2]) < _MAX_STD_M:
             return NotLocated(f"{agree} landmarks give the position to {max(std[:2]):.2f} m only")
         residual = math.sqrt(float(fit.squared[fit.inliers].mean()) / 2)
         pose = Pose2(*(float(v) for v in fit.pose))

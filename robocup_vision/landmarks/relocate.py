@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -16,22 +15,15 @@ from robocup_vision.landmarks.features import MAX_DISTANCE, Features
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 
 _KD_TREES = 1  # cv2.FlannBasedMatcher's name for randomised k-d trees
-
-
-@dataclass(frozen=True, slots=True)
-class RelocatorSettings:
-    """Settings of `Relocator`."""
-
-    max_features: int = 400  #: features of a frame that are looked up, those of the highest contrast
-    neighbours: int = 4  #: nearest views of a feature: the first one of another landmark is compared with
-    max_ratio: float = 0.8  #: of the distances to the nearest and to the nearest other landmark (Lowe's ratio test)
-    #: features that must match, and agree on one place: fewer agree by chance
-    min_matches: int = 8
-    min_inliers: int = 8
-    reprojection_px: float = 3.0  #: distance of an inlier, pixels of an image 320 wide
-    #: the solver may place the camera in the air: a robot's is at its height and upright
-    max_height_error_m: float = 0.3
-    max_lean_rad: float = math.radians(12.0)
+_MAX_FEATURES = 400  # features of a frame that are looked up, those of the highest contrast
+_NEIGHBOURS = 4  # nearest views of a feature: the first one of another landmark is compared with
+_MAX_RATIO = 0.8  # of the distances to the nearest and to the nearest other landmark (Lowe's ratio test)
+# features that must match, and agree on one place: fewer agree by chance
+_MIN_AGREE = 8
+_REPROJECTION_PX = 3.0  # distance of an inlier, pixels of an image 320 wide
+# the solver may place the camera in the air: a robot's is at its height and upright
+_MAX_HEIGHT_ERROR_M = 0.3
+_MAX_LEAN_RAD = math.radians(12.0)
 
 
 class Relocator:
@@ -45,12 +37,9 @@ class Relocator:
         Of known tilt.
     """
 
-    def __init__(
-        self, landmarks: LandmarkMap, camera: PinholeCamera, settings: RelocatorSettings = RelocatorSettings()
-    ) -> None:
+    def __init__(self, landmarks: LandmarkMap, camera: PinholeCamera) -> None:
         self._landmarks = landmarks
         self._camera = camera
-        self._settings = settings
 
     @cached_property
     def _matcher(self) -> cv2.FlannBasedMatcher:
@@ -66,9 +55,9 @@ class Relocator:
 
     def relocate(self, features: Features) -> FloatArray | NotLocated:
         """Return the robot's pose (3,), the start of a fit, or the reason why there is none."""
-        strongest = np.argsort(-features.contrast, kind="stable")[: self._settings.max_features]
+        strongest = np.argsort(-features.contrast, kind="stable")[:_MAX_FEATURES]
         rows, landmarks = self._matches(features.take(strongest))
-        if len(rows) < self._settings.min_matches:
+        if len(rows) < _MIN_AGREE:
             return NotLocated(f"only {len(rows)} features match landmarks of the map")
         camera = self._camera
         (fx, fy), (cu, cv) = camera.focal_px, camera.center_px
@@ -81,25 +70,25 @@ class Relocator:
             matrix,
             None,
             iterationsCount=300,
-            reprojectionError=self._settings.reprojection_px * scale,
+            reprojectionError=_REPROJECTION_PX * scale,
             confidence=0.999,
             flags=cv2.SOLVEPNP_SQPNP,
         )
         agree = 0 if not solved or inliers is None else len(inliers)
-        if agree < self._settings.min_inliers:
+        if agree < _MIN_AGREE:
             return NotLocated(f"only {agree} of {len(rows)} features that match landmarks agree on one place")
         return self._on_floor(np.asarray(turn, dtype=np.float64), np.asarray(shift, dtype=np.float64))
 
     def _matches(self, features: Features) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], ...]:
         """Features and landmarks that pass the ratio test: against the nearest other landmark, not another view."""
         rows, landmarks = [], []
-        found = self._matcher.knnMatch(np.ascontiguousarray(features.descriptors), k=self._settings.neighbours)
+        found = self._matcher.knnMatch(np.ascontiguousarray(features.descriptors), k=_NEIGHBOURS)
         for row, neighbours in enumerate(found):
             if not neighbours or neighbours[0].distance > MAX_DISTANCE:
                 continue
             first = self._landmarks.view_landmark[neighbours[0].trainIdx]
             rivals = [n.distance for n in neighbours if self._landmarks.view_landmark[n.trainIdx] != first]
-            if neighbours[0].distance <= self._settings.max_ratio * min(rivals, default=math.inf):
+            if neighbours[0].distance <= _MAX_RATIO * min(rivals, default=math.inf):
                 rows.append(row)
                 landmarks.append(first)
         return np.array(rows, dtype=np.int64), np.array(landmarks, dtype=np.int64)
@@ -113,7 +102,7 @@ class Relocator:
         axes = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
         in_field = rotation.T @ axes @ camera.camera_to_robot.T  # robot frame to field frame
         lean = math.acos(min(max(float(in_field[2, 2]), -1.0), 1.0))
-        if abs(eye[2] - camera.height_m) > self._settings.max_height_error_m or lean > self._settings.max_lean_rad:
+        if abs(eye[2] - camera.height_m) > _MAX_HEIGHT_ERROR_M or lean > _MAX_LEAN_RAD:
             return NotLocated("the features agree on a place where the robot cannot stand")
         theta = math.atan2(in_field[1, 0] - in_field[0, 1], in_field[0, 0] + in_field[1, 1])
         c, s = math.cos(theta), math.sin(theta)

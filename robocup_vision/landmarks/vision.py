@@ -19,7 +19,7 @@ from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.landmark_map import LandmarkMap
-from robocup_vision.landmarks.locate import LandmarkMatch, LandmarkPoseEstimator, LandmarkSettings
+from robocup_vision.landmarks.locate import LandmarkMatch, LandmarkPoseEstimator
 from robocup_vision.landmarks.selection import Selection
 
 _MIN_WIDTH = 640
@@ -86,7 +86,6 @@ class LandmarkVision:
         limit_s: float | None = None,
         regions: bool = False,
         mask: UInt8Array | None = None,
-        settings: LandmarkSettings | None = None,
     ) -> None:
         if mask is not None and mask.shape != (camera.size_px[1], camera.size_px[0]):
             raise ArgumentError(f"mask must be as large as the camera's images, got {mask.shape}")
@@ -96,7 +95,6 @@ class LandmarkVision:
             selection=selection,
             limit_s=limit_s,
             regions=regions,
-            settings=settings or LandmarkSettings(),
         )
         # the first frame is without a prior: what it needs is made ready here
         prepare("landmarks")

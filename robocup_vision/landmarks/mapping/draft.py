@@ -14,6 +14,9 @@ from robocup_vision.landmarks.mapping.stereo import StereoPoints
 from robocup_vision.landmarks.pose_fit import CHI2_3DOF
 
 _CHUNK = 512
+# landmarks no farther apart, with descriptors (unit vectors) no more different, may be one
+_SAME_PLACE_M = 0.15
+_SAME_LOOK = 0.45
 
 
 def _none(*shape: int) -> FloatArray:
@@ -102,15 +105,9 @@ class DraftMap:
         )
         self.last_frame[landmarks] = frame
 
-    def merge_duplicates(self, same_place_m: float, same_look: float) -> int:
-        """Merge landmarks that look alike at one place and were never seen in one image; return how many went.
-
-        Parameters
-        ----------
-        same_place_m, same_look : float
-            See `MapperSettings`.
-        """
-        pairs = self._alike(same_place_m, same_look)
+    def merge_duplicates(self) -> None:
+        """Merge landmarks that look alike at one place and were never seen in one image."""
+        pairs = self._alike()
         together: dict[int, set[int]] = {}
         for frame, landmark in zip(self.observations.frame.tolist(), self.observations.landmark.tolist(), strict=True):
             together.setdefault(landmark, set()).add(frame)
@@ -140,9 +137,8 @@ class DraftMap:
             self.observations.std_px,
         )
         self.keep(kept)
-        return int((~kept).sum())
 
-    def _alike(self, same_place_m: float, same_look: float) -> list[tuple[int, int]]:
+    def _alike(self) -> list[tuple[int, int]]:
         """Pairs at one place that look alike, the nearest first."""
         count = len(self)
         look = np.zeros((count, self.view_descriptors.shape[1]), dtype=np.float32)
@@ -152,10 +148,10 @@ class DraftMap:
         for low in range(0, count, _CHUNK):
             high = min(low + _CHUNK, count)
             apart2 = square[low:high, None] + square[None] - 2 * self.positions_m[low:high] @ self.positions_m.T
-            i, j = np.nonzero(apart2 < same_place_m**2)
+            i, j = np.nonzero(apart2 < _SAME_PLACE_M**2)
             i += low
             i, j = i[i < j], j[i < j]
-            i, j = (index[(look[i] * look[j]).sum(axis=1) > 1 - same_look**2 / 2] for index in (i, j))
+            i, j = (index[(look[i] * look[j]).sum(axis=1) > 1 - _SAME_LOOK**2 / 2] for index in (i, j))
             offset = self.positions_m[i] - self.positions_m[j]
             weight = np.linalg.inv(self.covariances[i] + self.covariances[j])
             squared = np.einsum("ni,nij,nj->n", offset, weight, offset)

@@ -5,21 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.landmarks.features import PIXEL_STD_PER_SPACING, Features, match
 from robocup_vision.landmarks.mapping.run_files import TrinocularRig
 
-
-@dataclass(frozen=True, slots=True)
-class StereoSettings:
-    """Settings of the correspondence between three images."""
-
-    #: distance from the epipolar line, and difference of both disparities, in standard deviations of the difference
-    max_deviation: float = 3.0
-    #: of two features' sizes: the paper's "within one level of scale"; levels of an octave differ by 2^(1/3)
-    max_scale_ratio: float = 2.0 ** (1.0 / 3.0) * 1.05
-    min_depth_m: float = 0.25  #: nearest point: it bounds the search
+# distance from the epipolar line, and difference of both disparities, in standard deviations of the difference
+_MAX_DEVIATION = 3.0
+# of two features' sizes: the paper's "within one level of scale"; levels of an octave differ by 2^(1/3)
+_MAX_SCALE_RATIO = 2.0 ** (1.0 / 3.0) * 1.05
+_MIN_DEPTH_M = 0.25  # nearest point: it bounds the search
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,14 +33,13 @@ class StereoPoints:
     def __len__(self) -> int:
         return len(self.points_m)
 
+    def take(self, which: npt.NDArray[np.intp] | Int64Array) -> StereoPoints:
+        """Return some of them, in this order."""
+        numbers = (self.measured_px, self.std_px, self.points_m, self.covariances)
+        return StereoPoints(self.index[which], self.features.take(which), *(array[which] for array in numbers))
 
-def correspond(
-    rig: TrinocularRig,
-    right: Features,
-    left: Features,
-    top: Features,
-    settings: StereoSettings = StereoSettings(),
-) -> StereoPoints:
+
+def correspond(rig: TrinocularRig, right: Features, left: Features, top: Features) -> StereoPoints:
     """Match the features of three simultaneous images, and locate them in space.
 
     A partner lies on the epipolar line, is within one level of scale and passes the ratio test, in the left and in the
@@ -52,15 +47,15 @@ def correspond(
     """
     std_r, std_l, std_t = (PIXEL_STD_PER_SPACING * f.spacing_px for f in (right, left, top))
     fx, fy = rig.right.focal_px
-    max_u, max_v = (focal_px * rig.baseline_m / settings.min_depth_m for focal_px in (fx, fy))
+    max_u, max_v = (focal_px * rig.baseline_m / _MIN_DEPTH_M for focal_px in (fx, fy))
 
     def allowed(
         other: Features, std: FloatArray, along: int, most: float
     ) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-        tolerance = settings.max_deviation * np.hypot(std_r[:, None], std[None, :])
+        tolerance = _MAX_DEVIATION * np.hypot(std_r[:, None], std[None, :])
         shift = other.pixels[None, :, along] - right.pixels[:, None, along]
         off = np.abs(other.pixels[None, :, 1 - along] - right.pixels[:, None, 1 - along])
-        scale = np.abs(np.log(other.size_px[None, :] / right.size_px[:, None])) <= np.log(settings.max_scale_ratio)
+        scale = np.abs(np.log(other.size_px[None, :] / right.size_px[:, None])) <= np.log(_MAX_SCALE_RATIO)
         return np.asarray((off <= tolerance) & (shift > 0) & (shift <= most) & scale)
 
     in_left = np.full(len(right), -1)
@@ -73,7 +68,7 @@ def correspond(
     by_u = (left.pixels[in_left[both], 0] - right.pixels[both, 0]) / fx
     by_v = (top.pixels[in_top[both], 1] - right.pixels[both, 1]) / fy
     std = np.sqrt((std_r[both] ** 2 + std_l[in_left[both]] ** 2 + std_t[in_top[both]] ** 2) / 3)
-    agree = np.abs(by_u - by_v) <= settings.max_deviation * 2 * std / min(fx, fy)
+    agree = np.abs(by_u - by_v) <= _MAX_DEVIATION * 2 * std / min(fx, fy)
     both, std = both[agree], std[agree]
     measured = np.column_stack([right.pixels[both], left.pixels[in_left[both], 0], top.pixels[in_top[both], 1]])
     points, covariances = place(rig, measured, std)

@@ -16,41 +16,30 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.landmarks.features import Extractor, Features, SiftExtractor, match, near
+from robocup_vision.landmarks.features import KNOWN_RATIO, Extractor, Features, SiftExtractor, match, near
 from robocup_vision.landmarks.landmark_map import LandmarkMap, direction_of, expect
 from robocup_vision.landmarks.mapping.draft import DraftMap
 from robocup_vision.landmarks.mapping.refinement import Observations, refine
 from robocup_vision.landmarks.mapping.run_files import TrinocularRig
-from robocup_vision.landmarks.mapping.stereo import StereoPoints, StereoSettings, correspond
+from robocup_vision.landmarks.mapping.stereo import StereoPoints, correspond
 from robocup_vision.landmarks.pose_fit import CHI2_3DOF, PoseFit, fit_stereo, to_world, world_to_camera
 
-
-@dataclass(frozen=True, slots=True)
-class MapperSettings:
-    """Settings of `StereoMapper`. Pixels are those of an image 320 wide; they grow with the width."""
-
-    #: half the window, along u and v, around where the predicted pose puts a landmark; the paper's
-    gate_px: tuple[float, float] = (40.0, 20.0)
-    wider: float = 2.0  #: the window of a second attempt, in windows of the first, where too little agrees
-    #: a stereo point's depth may differ from the expected one by this factor: stereo error at 5 m
-    depth_ratio: float = 1.25
-    #: a feature's diameter may differ from the expected one by this factor: half an octave and some noise
-    size_ratio: float = 1.6
-    known_gate_px: float = 6.0  #: half the window once the pose is found
-    known_ratio: float = 0.85  #: ratio test in that window: few rivals are left in it
-    #: a pose has three unknowns and each landmark three numbers; eight leave enough over to reject a wrong pose
-    min_inliers: int = 8
-    min_inlier_ratio: float = 0.4  #: of the matches
-    #: moments whose poses and landmarks are adjusted together, and after how many moments
-    window: int = 12
-    refine_every: int = 4
-    #: a loop closes when this many landmarks come into view again after this many moments out of view
-    away_frames: int = 30
-    min_returned: int = 12
-    #: landmarks no farther apart, with descriptors (unit vectors) no more different, may be one
-    same_place_m: float = 0.15
-    same_look: float = 0.45
-    stereo: StereoSettings = StereoSettings()  #: of the correspondence between the three images
+# Pixels are those of an image 320 wide; they grow with the width.
+# half the window, along u and v, around where the predicted pose puts a landmark; the paper's
+_GATE_PX = (40.0, 20.0)
+_WIDER = 2.0  # the window of a second attempt, in windows of the first, where too little agrees
+# a stereo point's depth may differ from the expected one by this factor: stereo error at 5 m
+_DEPTH_RATIO = 1.25
+_KNOWN_GATE_PX = 6.0  # half the window once the pose is found
+# a pose has three unknowns and each landmark three numbers; eight leave enough over to reject a wrong pose
+_MIN_INLIERS = 8
+_MIN_INLIER_RATIO = 0.4  # of the matches
+# moments whose poses and landmarks are adjusted together, and after how many moments
+_WINDOW = 12
+_REFINE_EVERY = 4
+# a loop closes when this many landmarks come into view again after this many moments out of view
+_AWAY_FRAMES = 30
+_MIN_RETURNED = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,13 +72,11 @@ class StereoMapper:
         *,
         bound_drift: bool = True,
         extractor: Extractor | None = None,
-        settings: MapperSettings = MapperSettings(),
     ) -> None:
         self.rig = rig
         self._start = start
         self._bound_drift = bound_drift
         self._extractor = extractor or SiftExtractor(rig.right)
-        self._settings = settings
         self._draft = DraftMap()
         self._poses: list[FloatArray] = []
         self._pose_covariances: list[FloatArray] = []
@@ -120,7 +107,7 @@ class StereoMapper:
             If an image has another size or type.
         """
         features = [self._extractor.extract(image) for image in (right, left, top)]
-        points = correspond(self.rig, features[0], features[1], features[2], self._settings.stereo)
+        points = correspond(self.rig, features[0], features[1], features[2])
         if not self._poses:
             self._poses.append(self._start.array)
             self._pose_covariances.append(np.zeros((3, 3)))
@@ -135,15 +122,12 @@ class StereoMapper:
         self._poses.append(fit.pose)
         self._pose_covariances.append(fit.covariance)
         matched, returned = self._update(features[0], points)
-        closes = (
-            returned >= self._settings.min_returned
-            and len(self._poses) - self._last_closure > self._settings.away_frames
-        )
+        closes = returned >= _MIN_RETURNED and len(self._poses) - self._last_closure > _AWAY_FRAMES
         if self._bound_drift:
             if closes:
                 self._refine(0)
-            elif len(self._poses) % self._settings.refine_every == 0:
-                self._refine(max(len(self._poses) - self._settings.window, 0))
+            elif len(self._poses) % _REFINE_EVERY == 0:
+                self._refine(max(len(self._poses) - _WINDOW, 0))
         if closes:
             self._last_closure = len(self._poses)
         residual = math.sqrt(float(fit.squared[fit.inliers].mean()) / 3) if fit.inliers.any() else 0.0
@@ -159,10 +143,10 @@ class StereoMapper:
             If no landmark was seen twice.
         """
         draft = self._draft
-        draft.merge_duplicates(self._settings.same_place_m, self._settings.same_look)
+        draft.merge_duplicates()
         if self._bound_drift and len(self._poses) > 1:
             self._refine(0, iterations=10)
-            draft.merge_duplicates(self._settings.same_place_m, self._settings.same_look)
+            draft.merge_duplicates()
             # now that it is known how precisely each landmark is seen
             self._refine(0, iterations=5, by_noise=True)
         twice = np.bincount(draft.observations.landmark, minlength=len(draft)) >= 2
@@ -181,16 +165,16 @@ class StereoMapper:
 
     def _track(self, points: StereoPoints, predicted: FloatArray) -> PoseFit | None:
         """Find the state: the paper's gates first, and once more twice as wide if too little agrees."""
-        camera, settings = self.rig.right, self._settings
+        camera = self.rig.right
         scale = camera.size_px[0] / 320
-        for widen in (1.0, settings.wider):
+        for widen in (1.0, _WIDER):
             expected = expect(self._draft, camera, predicted)
-            gate = (settings.gate_px[0] * scale * widen, settings.gate_px[1] * scale * widen)
-            allowed = near(expected.pixels, expected.size_px, points.features, gate, settings.size_ratio)
+            gate = (_GATE_PX[0] * scale * widen, _GATE_PX[1] * scale * widen)
+            allowed = near(expected.pixels, expected.size_px, points.features, gate)
             ratio = np.log(expected.depth_m)[:, None] - np.log(points.points_m[:, 0])[None, :]
-            allowed &= np.abs(ratio) <= math.log(settings.depth_ratio) * widen
+            allowed &= np.abs(ratio) <= math.log(_DEPTH_RATIO) * widen
             rows, partners = match(self._draft.view_descriptors[expected.view], points.features.descriptors, allowed)
-            if len(rows) < settings.min_inliers:
+            if len(rows) < _MIN_INLIERS:
                 continue
             of = expected.landmark[rows]
             fit = fit_stereo(
@@ -201,23 +185,22 @@ class StereoMapper:
                 points.points_m[partners],
                 points.covariances[partners],
             )
-            if fit.inliers.sum() >= settings.min_inliers and fit.inliers.mean() > settings.min_inlier_ratio:
+            if fit.inliers.sum() >= _MIN_INLIERS and fit.inliers.mean() > _MIN_INLIER_RATIO:
                 return fit
         return None
 
     def _update(self, right: Features, points: StereoPoints) -> tuple[int, int]:
         """Match again from the state just found; update, count and extend. Return how many matched and returned."""
         draft, camera, pose = self._draft, self.rig.right, self._poses[-1]
-        settings = self._settings
         frame = len(self._poses) - 1
         expected = expect(draft, camera, pose)
-        gate = settings.known_gate_px * camera.size_px[0] / 320
-        allowed = near(expected.pixels, expected.size_px, right, (gate, gate), settings.size_ratio)
+        gate = _KNOWN_GATE_PX * camera.size_px[0] / 320
+        allowed = near(expected.pixels, expected.size_px, right, (gate, gate))
         rows, partners = match(
             draft.view_descriptors[expected.view],
             right.descriptors,
             allowed,
-            ratio=settings.known_ratio,
+            ratio=KNOWN_RATIO,
             best_claim_wins=True,
         )
         draft.seen[expected.landmark[rows]] += 1
@@ -237,7 +220,7 @@ class StereoMapper:
         squared = np.einsum("ni,nij,nj->n", offset, np.linalg.inv(draft.covariances[landmarks] + noise), offset)
         good = squared < 2 * CHI2_3DOF  # the pose has an error of its own
         landmarks, which, gain, offset = landmarks[good], which[good], gain[good], offset[good]
-        returned = int((draft.last_frame[landmarks] < frame - self._settings.away_frames).sum())
+        returned = int((draft.last_frame[landmarks] < frame - _AWAY_FRAMES).sum())
         draft.positions_m[landmarks] += np.einsum("nij,nj->ni", gain, offset)
         left_over = np.eye(3) - gain
         updated = left_over @ draft.covariances[landmarks]
@@ -260,14 +243,7 @@ class StereoMapper:
 
     def _note(self, landmarks: Int64Array, points: StereoPoints, which: npt.NDArray[np.intp] | Int64Array) -> None:
         camera, pose = self.rig.right, self._poses[-1]
-        part = StereoPoints(
-            points.index[which],
-            points.features.take(which),
-            points.measured_px[which],
-            points.std_px[which],
-            points.points_m[which],
-            points.covariances[which],
-        )
+        part = points.take(which)
         per_px = part.points_m[:, 0] / math.sqrt(camera.focal_px[0] * camera.focal_px[1])
         directions = direction_of(camera, pose, to_world(camera, pose, part.points_m))
         self._draft.note_views(landmarks, directions, part.features, per_px)

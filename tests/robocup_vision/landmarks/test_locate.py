@@ -103,10 +103,10 @@ def test_the_loop_and_the_product_match_the_same(short_run):
 
     for _ in range(10):
         first, second = random_features(40), random_features(150)
-        gate, ratio = (60.0, 40.0), 1.6
-        allowed = near(first.pixels, first.size_px, second, gate, ratio)
+        gate = (60.0, 40.0)
+        allowed = near(first.pixels, first.size_px, second, gate)
         product = match(first.descriptors, second.descriptors, allowed, ratio=0.9)
-        loop = match_by_loop(Described(first.descriptors, first.pixels, first.size_px), second, gate, ratio, ratio=0.9)
+        loop = match_by_loop(Described(first.descriptors, first.pixels, first.size_px), second, gate, ratio=0.9)
         for a, b in zip(product, loop, strict=True):
             np.testing.assert_array_equal(a, b)
 
