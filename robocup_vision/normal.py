@@ -10,6 +10,9 @@ import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray, read_only
 
+# squared Mahalanobis distance within which 99.9 % of a normal distribution in two dimensions lie
+GATE_2D = 13.8
+
 # 2e-19 lie beyond this many standard deviations; linear interpolation between these steps is off by 3e-8 at most
 _REACH, _STEPS = 9, 1024
 

@@ -21,7 +21,7 @@ from robocup_vision.belief import Hypothesis
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2, half_turn_covariance, wrap_angle
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
-from robocup_vision.planning.gaze.goal_question import GoalQuestion, GoalQuestionSettings, entropy_nat, identified_goal
+from robocup_vision.planning.gaze.goal_question import DECIDED_NAT, GoalQuestion, entropy_nat, identified_goal
 from robocup_vision.planning.gaze.pose_gaze import Neck
 from sim2d.rendering.pinhole import COARSE, render_pinhole
 from sim2d.sensors.goal_evidence import draw_scene
@@ -107,7 +107,7 @@ def ask(case: Case, rule: str) -> Asked:
     order = case.goal_pans()
     if rule == "nearest goal first" and case.goal_ranges()[1] < case.goal_ranges()[0]:
         order = order[::-1]
-    while looks < MAX_LOOKS and entropy_nat(probability) > GoalQuestionSettings().decided_nat:
+    while looks < MAX_LOOKS and entropy_nat(probability) > DECIDED_NAT:
         hypotheses = case.hypotheses(probability)
         if rule == "expected entropy":
             chosen = question.choose(hypotheses, pan, case.blockers)
@@ -121,7 +121,7 @@ def ask(case: Case, rule: str) -> Asked:
         probability = question.observe(hypotheses, pan, case.look(pan, looked.count(pan)), case.blockers)
         looked.append(pan)
         looks += 1
-    answered = entropy_nat(probability) <= GoalQuestionSettings().decided_nat
+    answered = entropy_nat(probability) <= DECIDED_NAT
     return Asked(looks, answered, bool(answered and int(np.argmax(probability)) == int(case.turned)))
 
 

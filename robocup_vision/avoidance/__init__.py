@@ -2,7 +2,7 @@
 
 from robocup_vision.avoidance.recent_free_space import SteadyFreeSpace, carry_free_space
 from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand, SteeringSettings
-from robocup_vision.avoidance.wayfinder import Heading, Wayfinder, WayfinderSettings
+from robocup_vision.avoidance.wayfinder import Heading, Wayfinder
 
 __all__ = [
     "FreeRanges",
@@ -12,6 +12,5 @@ __all__ = [
     "SteeringCommand",
     "SteeringSettings",
     "Wayfinder",
-    "WayfinderSettings",
     "carry_free_space",
 ]

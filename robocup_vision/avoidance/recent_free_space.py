@@ -14,7 +14,6 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arguments import as_number
 from robocup_vision.arrays import FloatArray, read_only
-from robocup_vision.checks import require_at_least, require_positive
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 
@@ -111,27 +110,13 @@ def floor_ends(bearing_rad: FloatArray, range_m: FloatArray) -> FloatArray:
     return np.stack([range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad)], axis=1)
 
 
-@dataclass(frozen=True, slots=True)
-class RecentFreeSpaceSettings:
-    """Settings of `RecentFreeSpace`.
-
-    Raises
-    ------
-    ArgumentError
-        A value is out of its range.
-    """
-
-    directions: int = 120  #: of the free space around the robot: at 1 m a sector is 5 cm wide, less than a robot
-    #: floor that none of the last views shows is taken for free up to so many robot radii from the robot's centre: it
-    #: may step there, and looks before it goes on. With none, a robot that turns stops with each step.
-    unseen_radii: float = 3.0
-    #: older views do not count: others have moved on by some robot widths, and odometry has slipped
-    max_age_s: float = 2.0
-    every_s: float = 0.15  #: views nearer together than this show the same floor: only the newest of them is used
-
-    def __post_init__(self) -> None:
-        require_at_least(self, 3, "directions")
-        require_positive(self, "unseen_radii", "max_age_s", "every_s")
+_DIRECTIONS = 120  # of the free space around the robot: at 1 m a sector is 5 cm wide, less than a robot
+# floor that none of the last views shows is taken for free up to so many robot radii from the robot's centre: it
+# may step there, and looks before it goes on. With none, a robot that turns stops with each step.
+_UNSEEN_RADII = 3.0
+# older views do not count: others have moved on by some robot widths, and odometry has slipped
+_MAX_AGE_S = 2.0
+_EVERY_S = 0.15  # views nearer together than this show the same floor: only the newest of them is used
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,13 +143,12 @@ class RecentFreeSpace:
         If the radius is not positive.
     """
 
-    def __init__(self, robot_radius_m: float, settings: RecentFreeSpaceSettings = RecentFreeSpaceSettings()) -> None:
+    def __init__(self, robot_radius_m: float) -> None:
         self._radius_m = as_number("robot_radius_m", robot_radius_m)
         if not self._radius_m > 0.0:
             raise ArgumentError(f"robot_radius_m must be positive, got {robot_radius_m!r}")
-        self._settings = settings
-        width_rad = math.tau / settings.directions
-        self._bearing_rad = read_only((np.arange(settings.directions) + 0.5) * width_rad - math.pi)
+        width_rad = math.tau / _DIRECTIONS
+        self._bearing_rad = read_only((np.arange(_DIRECTIONS) + 0.5) * width_rad - math.pi)
         self.forget()
 
     def forget(self) -> None:
@@ -190,12 +174,11 @@ class RecentFreeSpace:
         FreeSpace
             At evenly spaced bearings all around.
         """
-        settings = self._settings
         self._pose = self._pose.compose(motion)
         newest = self._newest
-        if newest is not None and (not self._old or newest.t_s - self._old[-1].t_s >= settings.every_s):
+        if newest is not None and (not self._old or newest.t_s - self._old[-1].t_s >= _EVERY_S):
             self._old.append(newest)
-        self._old = [view for view in self._old if 0.0 <= t_s - view.t_s <= settings.max_age_s]
+        self._old = [view for view in self._old if 0.0 <= t_s - view.t_s <= _MAX_AGE_S]
         ends = floor_ends(free_space.bearing_rad, np.minimum(free_space.range_m, _FAR_M))
         self._newest = _OldView(t_s, self._pose.transform(ends))
         range_m = self._ranges(free_space)
@@ -218,7 +201,7 @@ class RecentFreeSpace:
             rank = np.concatenate((rank, older))
         known = ~np.isnan(away_m)
         rank, away_m = rank[known], away_m[known]
-        count, unseen = self._settings.directions, len(self._old) + 1
+        count, unseen = _DIRECTIONS, len(self._old) + 1
         turn = (bearing_rad[known] + math.pi) * (count / math.tau)
         index = np.floor(turn).astype(np.int64) % count
         first = np.full(count, unseen)
@@ -226,5 +209,5 @@ class RecentFreeSpace:
         is_newest = rank == first[index]
         out = np.full(count, np.inf)
         np.minimum.at(out, index[is_newest], away_m[is_newest])
-        out[first == unseen] = self._settings.unseen_radii * self._radius_m
+        out[first == unseen] = _UNSEEN_RADII * self._radius_m
         return np.asarray(out)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -18,55 +18,40 @@ from field_models.errors import ArgumentError
 from robocup_vision.arguments import as_angle, as_number, as_pose
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges
-from robocup_vision.checks import require_at_least, require_positive
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import way_grid
 
-
-@dataclass(frozen=True, slots=True)
-class WayfinderSettings:
-    """How `Wayfinder` remembers the floor and prices it. Ratios are of the robot's radius.
-
-    Raises
-    ------
-    ArgumentError
-        A value is out of its range.
-    """
-
-    #: width of the square that is remembered, with the robot near its middle. A target outside counts as on its rim.
-    window_m: float = 4.0
-    every: int = 3  #: views between two searches for the way
-    cell_ratio: float = 0.2  #: a cell: five to a radius show whether the robot fits
-    spare_ratio: float = 0.05  #: what a gap seen from near must have to spare on each side
-    soft_ratio: float = 0.5  #: width of the seam along what blocks that is dearer than open floor
-    try_ratio: float = 0.5  #: a place ahead within this much of another one counts as the same that was tried
-    #: a view measures the floor where its sectors are narrower than the robot's radius, and surely where they are
-    #: narrower than this
-    sure_ratio: float = 0.4
-    strip_cells: float = 2.5  #: the strip that is marked as blocked behind a free range, cells
-    #: factor of the distance from which a free cell was measured, with each view that shows it free from farther away:
-    #: others may enter it
-    fading: float = 1.03
-    #: a blocked cell measured from this many times as far does not overrule a free one: far sectors are wide
-    overrule_ratio: float = 1.5
-    #: extra price of a cell at the very edge of open floor, so that ways keep clear where there is room
-    tight_price: float = 2.0
-    #: price of a cell where the robot just does not fit: more than any way round over open floor nearby
-    shut_price: float = 5.0
-    #: extra price of the middle of a blocked strip: measured from afar it may be an error of a wide sector, from near
-    #: it is not
-    maybe_barred_price: float = 50.0
-    barred_price: float = 1000.0
-    #: a place headed for more often than this without getting through is dearer by the second with each further try.
-    #: Passing by slowly takes fewer.
-    tries: float = 15.0
-    tried_price: float = 1.0
-    remembered_ratio: float = 0.995  #: fraction of the tries that is remembered with each new way
-
-    def __post_init__(self) -> None:
-        require_at_least(self, 1, "every")
-        require_positive(self, *(field.name for field in fields(self)))
+# ratios are of the robot's radius
+_EVERY = 3  # views between two searches for the way
+_CELL_RATIO = 0.2  # a cell: five to a radius show whether the robot fits
+_RADIUS_CELLS = 1.0 / _CELL_RATIO
+_SPARE_RATIO = 0.05  # what a gap seen from near must have to spare on each side
+_SOFT_RATIO = 0.5  # width of the seam along what blocks that is dearer than open floor
+_TRY_RATIO = 0.5  # a place ahead within this much of another one counts as the same that was tried
+# a view measures the floor where its sectors are narrower than the robot's radius, and surely where they are
+# narrower than this
+_SURE_RATIO = 0.4
+_STRIP_CELLS = 2.5  # the strip that is marked as blocked behind a free range, cells
+_MARK_RULES = way_grid.MarkRules(
+    # of each view that shows a free cell from farther away: others may enter it
+    fading=1.03,
+    # far sectors are wide
+    overrule_ratio=1.5,
+)
+_PRICE_RULES = way_grid.PriceRules(
+    # so that ways keep clear where there is room
+    tight=2.0,
+    # more than any way round over open floor nearby
+    shut=5.0,
+    # measured from afar, a blocked strip may be an error of a wide sector; from near it is not
+    maybe_barred=50.0,
+    barred=1000.0,
+    # passing by slowly takes fewer
+    tries=15.0,
+    tried=1.0,
+    remembered=0.995,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +80,8 @@ class Wayfinder:
     ----------
     robot_radius_m : float
         As that of `Steering`, so that a way is never narrower than steering allows.
-    settings : WayfinderSettings, optional
-        How the floor is remembered and priced.
+    window_m : float
+        Width of the square that is remembered, with the robot near its middle. A target outside counts as on its rim.
 
     Raises
     ------
@@ -116,24 +101,13 @@ class Wayfinder:
     v^2 = alpha R / sin(a/2), which is the speed that a stop from R / (2 sin(a/2)) farther on still has at the turn.
     """
 
-    def __init__(self, robot_radius_m: float, settings: WayfinderSettings = WayfinderSettings()) -> None:
+    def __init__(self, robot_radius_m: float, window_m: float = 4.0) -> None:
         if not as_number("robot_radius_m", robot_radius_m) >= 1e-6:
             raise ArgumentError(f"robot_radius_m must be at least 1e-06, got {robot_radius_m!r}")
-        if not settings.window_m >= 8.0 * robot_radius_m:
-            raise ArgumentError(f"window_m must be at least 8 radii of the robot, got {settings.window_m!r}")
-        self._settings = settings
-        self._mark_rules = way_grid.MarkRules(settings.fading, settings.overrule_ratio)
-        self._price_rules = way_grid.PriceRules(
-            settings.tight_price,
-            settings.shut_price,
-            settings.maybe_barred_price,
-            settings.barred_price,
-            settings.tries,
-            settings.tried_price,
-            settings.remembered_ratio,
-        )
-        self._cell_m = settings.cell_ratio * robot_radius_m
-        self._size = math.ceil(settings.window_m / self._cell_m)
+        if not as_number("window_m", window_m) >= 8.0 * robot_radius_m:
+            raise ArgumentError(f"window_m must be at least 8 radii of the robot, got {window_m!r}")
+        self._cell_m = _CELL_RATIO * robot_radius_m
+        self._size = math.ceil(window_m / self._cell_m)
         shape = (self._size, self._size)
         self._open_any: UInt8Array = np.empty(shape, np.uint8)
         self._open_sure: UInt8Array = np.empty(shape, np.uint8)
@@ -185,13 +159,12 @@ class Wayfinder:
         self._x += (c * motion.x_m - s * motion.y_m) / self._cell_m
         self._y += (s * motion.x_m + c * motion.y_m) / self._cell_m
         self._theta = math.remainder(self._theta + motion.theta_rad, math.tau)
-        if self._views % self._settings.every == 0:
+        if self._views % _EVERY == 0:
             self._keep_inside()
-            radius = 1.0 / self._settings.cell_ratio
-            self._reach = radius / float(bearing[1] - bearing[0])
+            self._reach = _RADIUS_CELLS / float(bearing[1] - bearing[0])
             view = way_grid.RangesInGrid(self._x, self._y, self._theta, bearing, range_cells)
             way_grid.mark_view(
-                self._state, self._seen_from, view, radius, self._reach, self._settings.strip_cells, self._mark_rules
+                self._state, self._seen_from, view, _RADIUS_CELLS, self._reach, _STRIP_CELLS, _MARK_RULES
             )
             self._is_due = True
         self._views += 1
@@ -223,10 +196,7 @@ class Wayfinder:
         is_new = self._is_due
         target = self._in_grid(target_bearing_rad, target_distance_m)
         # a robot's radius is how far a target moves before it is another one
-        if (
-            is_new
-            or math.hypot(target[0] - self._target[0], target[1] - self._target[1]) > 1.0 / self._settings.cell_ratio
-        ):
+        if is_new or math.hypot(target[0] - self._target[0], target[1] - self._target[1]) > _RADIUS_CELLS:
             self._target = target
             self._find(target)
             self._is_due = False
@@ -237,18 +207,18 @@ class Wayfinder:
             towards = math.atan2(y - self._y, x - self._x)
             bearing = math.remainder(towards - self._theta, math.tau)
             distance_m = math.hypot(x - self._x, y - self._y) * self._cell_m + self._room_to_turn_m(after - towards)
-        if is_new and distance_m > self._cell_m / self._settings.cell_ratio:
+        if is_new and distance_m > self._cell_m / _CELL_RATIO:
             # the place a radius ahead is passed next
-            angle, radius = bearing + self._theta, 1.0 / self._settings.cell_ratio
+            angle, radius = bearing + self._theta, _RADIUS_CELLS
             x, y = self._x + radius * math.cos(angle), self._y + radius * math.sin(angle)
-            way_grid.note_try(self._tried, self._price, x, y, self._settings.try_ratio * radius)
+            way_grid.note_try(self._tried, self._price, x, y, _TRY_RATIO * radius)
         if math.hypot(*velocity_mps) > 0.0:
             going = math.atan2(float(velocity_mps[1]), float(velocity_mps[0]))
             distance_m = min(distance_m, self._room_to_turn_m(bearing - going))
         return Heading(bearing, distance_m, self._turn is None)
 
     def _room_to_turn_m(self, angle_rad: float) -> float:
-        radius_m = self._cell_m / self._settings.cell_ratio
+        radius_m = self._cell_m / _CELL_RATIO
         return 0.5 * radius_m / max(abs(math.sin(0.5 * angle_rad)), 1e-3)
 
     def _in_grid(self, bearing_rad: float, distance_m: float) -> tuple[float, float]:
@@ -261,17 +231,15 @@ class Wayfinder:
         return self._x + far * unit_x, self._y + far * unit_y
 
     def _find(self, target_cell: tuple[float, float]) -> None:
-        size, radius = self._size, 1.0 / self._settings.cell_ratio
+        size, radius = self._size, _RADIUS_CELLS
         target_x, target_y = target_cell
-        way_grid.split_blocked(
-            self._state, self._seen_from, self._settings.sure_ratio * self._reach, self._open_any, self._open_sure
-        )
+        way_grid.split_blocked(self._state, self._seen_from, _SURE_RATIO * self._reach, self._open_any, self._open_sure)
         away_any, away_sure = (
             np.asarray(cv2.distanceTransform(seen, cv2.DIST_L2, cv2.DIST_MASK_5), dtype=np.float32)
             for seen in (self._open_any, self._open_sure)
         )
-        spare, soft = self._settings.spare_ratio * radius, self._settings.soft_ratio * radius
-        way_grid.price_cells(away_any, away_sure, self._tried, radius, spare, soft, self._price_rules, self._price)
+        spare, soft = _SPARE_RATIO * radius, _SOFT_RATIO * radius
+        way_grid.price_cells(away_any, away_sure, self._tried, radius, spare, soft, _PRICE_RULES, self._price)
         self._turn = None
         start = int(self._y + 0.5) * size + int(self._x + 0.5)
         target = int(target_y + 0.5) * size + int(target_x + 0.5)

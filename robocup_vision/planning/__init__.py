@@ -5,23 +5,21 @@ from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.planning.gaps.gap_choice import (
     Gap,
     GapChoice,
-    PassageSettings,
     PassageTimes,
     WidthSensor,
     choose_gap,
     gap_between,
 )
 from robocup_vision.planning.gaps.gate_planner import GatePlan, GatePlanner, GatePlannerSettings
-from robocup_vision.planning.gaze.goal_question import Fixation, GoalQuestion, GoalQuestionSettings
+from robocup_vision.planning.gaze.goal_question import Fixation, GoalQuestion
 from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, Gaze, Neck, PoseGaze, PoseGazeSettings
-from robocup_vision.planning.gaze.selective_look import SelectedLook, SelectiveLook, SelectiveLookSettings
-from robocup_vision.planning.shots.shot_planner import Cover, ShotPlan, ShotPlanner, ShotPlannerSettings, cover_goal
+from robocup_vision.planning.gaze.selective_look import SelectedLook, SelectiveLook
+from robocup_vision.planning.shots.shot_planner import Cover, ShotPlan, ShotPlanner, cover_goal
 from robocup_vision.planning.speed.speed_planner import (
     PathFollower,
     PoseNoise,
     SpeedPlan,
     SpeedPlanner,
-    SpeedPlannerSettings,
 )
 from robocup_vision.planning.speed.undecided_floor import (
     UndecidedFloor,
@@ -42,10 +40,8 @@ __all__ = [
     "GatePlannerSettings",
     "Gaze",
     "GoalQuestion",
-    "GoalQuestionSettings",
     "MotionLimits",
     "Neck",
-    "PassageSettings",
     "PassageTimes",
     "PathFollower",
     "PoseGaze",
@@ -53,13 +49,10 @@ __all__ = [
     "PoseNoise",
     "SelectedLook",
     "SelectiveLook",
-    "SelectiveLookSettings",
     "ShotPlan",
     "ShotPlanner",
-    "ShotPlannerSettings",
     "SpeedPlan",
     "SpeedPlanner",
-    "SpeedPlannerSettings",
     "UndecidedFloor",
     "UndecidedSpeed",
     "WidthSensor",

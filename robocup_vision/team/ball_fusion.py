@@ -21,34 +21,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.normal import GATE_2D
 from robocup_vision.team.message import BallSighting, TeamMessage
 
 # weights tried for covariance intersection: its trace is flat about the best one
 _WEIGHTS = np.linspace(0.0, 1.0, 21)
 OWN = -1
-
-
-@dataclass(frozen=True, slots=True)
-class BallFusionSettings:
-    """Values of `TeamBall`."""
-
-    forget_s: float = 4.0  #: a sighting older than this says nothing: a kicked ball crosses a field in this time
-    #: the own sighting decides while it is younger: an older one may be of a ball that was kicked since
-    own_s: float = 0.3
-    #: while it decides and is better than this, messages add nothing: driving needs the ball relative to the robot
-    enough_std_m: float = 0.1
-    #: smallest standard deviation of a sighting along each axis: errors that all frames of a robot have in common
-    min_std_m: float = 0.03
-    #: the standard deviation grows by this in a second of age: mostly the ball lies or rolls on, sometimes it is kicked
-    kick_speed_mps: float = 0.3
-    roll_s: float = 1.0  #: a ball loses its velocity with this time constant: friction, and robots in its way
-    #: squared Mahalanobis distance at which two sightings may be of one ball: 99.9 % for two dimensions
-    gate: float = 13.8
-    #: what one message adds to or takes from the trust in its sender. A robot in the wrong half is found by one
-    #: message; two others are needed until it is believed alone again.
-    agree_nats: float = 0.5
-    disagree_nats: float = 1.0
-    max_trust_nats: float = 2.0  #: trust stays within this: a robot may get lost at any time
+FORGET_S = 4.0  # a sighting older than this says nothing: a kicked ball crosses a field in this time
+# the own sighting decides while it is younger: an older one may be of a ball that was kicked since
+_OWN_S = 0.3
+# while it decides and is better than this, messages add nothing: driving needs the ball relative to the robot
+_ENOUGH_STD_M = 0.1
+# smallest standard deviation of a sighting along each axis: errors that all frames of a robot have in common
+_MIN_STD_M = 0.03
+# the standard deviation grows by this in a second of age: mostly the ball lies or rolls on, sometimes it is kicked
+_KICK_SPEED_MPS = 0.3
+_ROLL_S = 1.0  # a ball loses its velocity with this time constant: friction, and robots in its way
+# what one message adds to or takes from the trust in its sender. A robot in the wrong half is found by one
+# message; two others are needed until it is believed alone again.
+_AGREE_NATS = 0.5
+_DISAGREE_NATS = 1.0
+_MAX_TRUST_NATS = 2.0  # trust stays within this: a robot may get lost at any time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,8 +60,7 @@ class FusedBall:
 class TeamBall:
     """Keeps what the others of a team told of the ball, and fuses it with what the robot sees itself."""
 
-    def __init__(self, settings: BallFusionSettings = BallFusionSettings()) -> None:
-        self.settings = settings
+    def __init__(self) -> None:
         self._received: dict[int, BallSighting] = {}
         self._trust: dict[int, float] = {}
         self._since_s = -math.inf
@@ -87,20 +79,17 @@ class TeamBall:
         if received is None or received.t_s < self._since_s or (known is not None and received.t_s <= known.t_s):
             return
         self._received[message.sender] = received
-        if own is None or abs(own.t_s - received.t_s) > self.settings.own_s:
+        if own is None or abs(own.t_s - received.t_s) > _OWN_S:
             return
         t_s = max(own.t_s, received.t_s)
-        if self._agree(self.moved(own, t_s), self.moved(received, t_s)):
-            change = self.settings.agree_nats
-        else:
-            change = -self.settings.disagree_nats
-        limit = self.settings.max_trust_nats
-        self._trust[message.sender] = max(-limit, min(limit, self._trust.get(message.sender, 0.0) + change))
+        change = _AGREE_NATS if _agree(self.moved(own, t_s), self.moved(received, t_s)) else -_DISAGREE_NATS
+        trust = self.trust(message.sender) + change
+        self._trust[message.sender] = max(-_MAX_TRUST_NATS, min(_MAX_TRUST_NATS, trust))
 
     def is_own_enough(self, own: BallSighting, t_s: float) -> bool:
         """Whether the own sighting is so young and so good that messages add nothing."""
         largest = float(np.linalg.eigvalsh(own.covariance)[-1])
-        return t_s - own.t_s <= self.settings.own_s and largest <= self.settings.enough_std_m**2
+        return t_s - own.t_s <= _OWN_S and largest <= _ENOUGH_STD_M**2
 
     def forget(self, t_s: float) -> None:
         """Forget what was seen before a time: somebody put the ball elsewhere, for a kick-off."""
@@ -118,11 +107,11 @@ class TeamBall:
 
     def moved(self, sighting: BallSighting, t_s: float) -> BallSighting:
         """Return a sighting moved on to a time."""
-        settings, age_s = self.settings, max(t_s - sighting.t_s, 0.0)
-        rolled_s = settings.roll_s * -math.expm1(-age_s / settings.roll_s)
-        slower = math.exp(-age_s / settings.roll_s)
-        kicked_mps2 = settings.kick_speed_mps**2 + sighting.velocity_std_mps**2
-        variance = settings.min_std_m**2 + kicked_mps2 * age_s**2
+        age_s = max(t_s - sighting.t_s, 0.0)
+        rolled_s = _ROLL_S * -math.expm1(-age_s / _ROLL_S)
+        slower = math.exp(-age_s / _ROLL_S)
+        kicked_mps2 = _KICK_SPEED_MPS**2 + sighting.velocity_std_mps**2
+        variance = _MIN_STD_M**2 + kicked_mps2 * age_s**2
         return BallSighting(
             t_s,
             sighting.x_m + rolled_s * sighting.vx_mps,
@@ -141,9 +130,8 @@ class TeamBall:
         own : BallSighting or None
             The ball as this robot last saw it itself.
         """
-        settings = self.settings
         seen: Mapping[int, BallSighting] = self._received if own is None else {OWN: own, **self._received}
-        seen = {k: one for k, one in seen.items() if t_s - one.t_s <= settings.forget_s}
+        seen = {k: one for k, one in seen.items() if t_s - one.t_s <= FORGET_S}
         moved = {k: self.moved(one, t_s) for k, one in seen.items()}
         group = self._believed(seen, moved, t_s)
         if not group:
@@ -156,13 +144,13 @@ class TeamBall:
         self, seen: Mapping[int, BallSighting], moved: Mapping[int, BallSighting], t_s: float
     ) -> Sequence[int]:
         """Return who of those that saw the ball are believed, the newest sighting first."""
-        is_own_fresh = OWN in seen and t_s - seen[OWN].t_s <= self.settings.own_s
+        is_own_fresh = OWN in seen and t_s - seen[OWN].t_s <= _OWN_S
         best: tuple[float, list[int]] = (0.0, [])
         for centre in seen:
             if is_own_fresh and centre != OWN:
                 continue
-            group = [k for k in seen if self._agree(moved[centre], moved[k])]
-            if len(group) == 1 and self._trust.get(centre, 0.0) < 0.0:
+            group = [k for k in seen if _agree(moved[centre], moved[k])]
+            if len(group) == 1 and self.trust(centre) < 0.0:
                 continue
             # a newer sighting weighs more, a robot that was often right, too
             weight = sum(self._weight(k, t_s - seen[k].t_s) for k in group)
@@ -171,11 +159,12 @@ class TeamBall:
         return sorted(best[1], key=lambda k: (-seen[k].t_s, k))
 
     def _weight(self, source: int, age_s: float) -> float:
-        return math.exp(-age_s / self.settings.forget_s) / (1.0 + math.exp(-self._trust.get(source, 0.0)))
+        return math.exp(-age_s / FORGET_S) / (1.0 + math.exp(-self.trust(source)))
 
-    def _agree(self, one: BallSighting, other: BallSighting) -> bool:
-        apart = np.array([one.x_m - other.x_m, one.y_m - other.y_m])
-        return float(apart @ np.linalg.solve(one.covariance + other.covariance, apart)) <= self.settings.gate
+
+def _agree(one: BallSighting, other: BallSighting) -> bool:
+    apart = np.array([one.x_m - other.x_m, one.y_m - other.y_m])
+    return float(apart @ np.linalg.solve(one.covariance + other.covariance, apart)) <= GATE_2D
 
 
 def _intersect(sightings: Sequence[BallSighting]) -> tuple[FloatArray, FloatArray]:

@@ -7,35 +7,27 @@ is left out; a second one in a row begins the track anew: the ball was kicked, o
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from robocup_vision.arrays import FloatArray
+from robocup_vision.normal import GATE_2D
 from robocup_vision.team.message import BallSighting
 
-
-@dataclass(frozen=True, slots=True)
-class BallTrackSettings:
-    """Values of `BallTrack`."""
-
-    #: errors of so many frames in a row are the same: a step of a walking robot is longer than a frame. The filter
-    #: weighs each frame the less.
-    correlated_frames: float = 4.0
-    start_speed_mps: float = 0.5  #: standard deviation of the velocity of a new track: balls lie, roll, or were kicked
-    #: square root of the spectral density of the acceleration: other robots touch the ball
-    acceleration_mps15: float = 0.5
-    roll_s: float = 1.5  #: a ball loses its velocity with this time constant
-    #: squared Mahalanobis distance at which a sighting may be of this ball: 99.9 % for two dimensions
-    gate: float = 13.8
-    max_gap_s: float = 1.0  #: after so long without a sighting the next one begins the track anew
+# errors of so many frames in a row are the same: a step of a walking robot is longer than a frame. The filter
+# weighs each frame the less.
+_CORRELATED_FRAMES = 4.0
+_START_SPEED_MPS = 0.5  # standard deviation of the velocity of a new track: balls lie, roll, or were kicked
+# square root of the spectral density of the acceleration: other robots touch the ball
+_ACCELERATION_MPS15 = 0.5
+_ROLL_S = 1.5  # a ball loses its velocity with this time constant
+_MAX_GAP_S = 1.0  # after so long without a sighting the next one begins the track anew
 
 
 class BallTrack:
     """Follows the ball that one robot sees."""
 
-    def __init__(self, settings: BallTrackSettings = BallTrackSettings()) -> None:
-        self.settings = settings
+    def __init__(self) -> None:
         self.forget()
 
     def forget(self) -> None:
@@ -66,17 +58,17 @@ class BallTrack:
         """
         # composed covariances are symmetric but for rounding, messages ask for all of it
         covariance = 0.5 * (covariance + covariance.T)
-        settings, dt_s = self.settings, t_s - self._t_s
+        dt_s = t_s - self._t_s
         if dt_s <= 0.0:
             return
-        if dt_s > settings.max_gap_s:
+        if dt_s > _MAX_GAP_S:
             self._begin(place, covariance, t_s)
             return
         state, predicted = self._predicted(dt_s)
-        noise = settings.correlated_frames * covariance
+        noise = _CORRELATED_FRAMES * covariance
         innovation = np.asarray(place) - state[:2]
         spread = predicted[:2, :2] + noise
-        if float(innovation @ np.linalg.solve(spread, innovation)) > settings.gate:
+        if float(innovation @ np.linalg.solve(spread, innovation)) > GATE_2D:
             if self._is_doubted:
                 self._begin(place, covariance, t_s)
             else:
@@ -97,14 +89,13 @@ class BallTrack:
         self._state = np.array([*place, 0.0, 0.0])
         self._covariance = np.zeros((4, 4))
         self._covariance[:2, :2] = covariance
-        self._covariance[2:, 2:] = self.settings.start_speed_mps**2 * np.eye(2)
+        self._covariance[2:, 2:] = _START_SPEED_MPS**2 * np.eye(2)
 
     def _predicted(self, dt_s: float) -> tuple[FloatArray, FloatArray]:
-        settings = self.settings
-        slower = math.exp(-dt_s / settings.roll_s)
+        slower = math.exp(-dt_s / _ROLL_S)
         motion = np.eye(4)
-        motion[0, 2] = motion[1, 3] = settings.roll_s * (1.0 - slower)
+        motion[0, 2] = motion[1, 3] = _ROLL_S * (1.0 - slower)
         motion[2, 2] = motion[3, 3] = slower
-        density = settings.acceleration_mps15**2
+        density = _ACCELERATION_MPS15**2
         noise = density * np.kron(np.array([[dt_s**3 / 3, dt_s**2 / 2], [dt_s**2 / 2, dt_s]]), np.eye(2))
         return motion @ self._state, motion @ self._covariance @ motion.T + noise

@@ -11,24 +11,12 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.team.message import Role, TeamMessage
 
-
-@dataclass(frozen=True, slots=True)
-class RoleSettings:
-    """Values of `RoleChooser`."""
-
-    stale_s: float = 1.6  #: a robot that was not heard of for so long is not counted on: three messages
-    #: another robot must be at the ball sooner by this to take it over: more than what one message changes
-    margin_s: float = 0.5
-
-    def __post_init__(self) -> None:
-        if not (self.stale_s > 0.0 and self.margin_s >= 0.0):
-            raise ArgumentError(
-                f"stale_s must be positive and margin_s not negative, got {self.stale_s}, {self.margin_s}"
-            )
+STALE_S = 1.6  # a robot that was not heard of for so long is not counted on: three messages
+# another robot must be at the ball sooner by this to take it over: more than what one message changes
+_MARGIN_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +41,8 @@ class RoleChooser:
         Nobody of the team is faster.
     """
 
-    def __init__(self, number: int, is_keeper: bool, speed_mps: float, settings: RoleSettings = RoleSettings()) -> None:
-        self._number, self._is_keeper, self._speed_mps, self._settings = number, is_keeper, speed_mps, settings
+    def __init__(self, number: int, is_keeper: bool, speed_mps: float) -> None:
+        self._number, self._is_keeper, self._speed_mps = number, is_keeper, speed_mps
         self._messages: dict[int, TeamMessage] = {}
         self.role: Role = "keep" if is_keeper else "search"
 
@@ -85,12 +73,12 @@ class RoleChooser:
         others = [
             one
             for one in self._messages.values()
-            if one.role != "keep" and t_s - one.t_s <= self._settings.stale_s and one.pose is not None
+            if one.role != "keep" and t_s - one.t_s <= STALE_S and one.pose is not None
         ]
         if ball is None:
             self.role = "search"
         else:
-            own_s = time_to_ball_s - (self._settings.margin_s if self.role == "fetch" else 0.0)
+            own_s = time_to_ball_s - (_MARGIN_S if self.role == "fetch" else 0.0)
             is_first = all((own_s, self._number) <= (self._claim_s(one, ball), one.sender) for one in others)
             self.role = "fetch" if is_first else "support"
         return self._among(others, place)
@@ -101,7 +89,7 @@ class RoleChooser:
             return math.inf
         away_m = math.dist((other.pose.x_m, other.pose.y_m), ball)
         time_s = max(other.time_to_ball_s, away_m / self._speed_mps)
-        return time_s - (self._settings.margin_s if other.role == "fetch" else 0.0)
+        return time_s - (_MARGIN_S if other.role == "fetch" else 0.0)
 
     def _among(self, others: Iterable[TeamMessage], place: tuple[float, float] | None) -> ChosenRole:
         others = list(others)

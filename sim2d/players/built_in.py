@@ -129,7 +129,7 @@ class BuiltInPlayer:
         self._view_t_s = self._looked_s = -math.inf
         self._floor = SteadyFreeSpace(settings.floor_margin_ratio)
         # the recently visible floor of a camera that sees a part of it
-        self._recent = RecentFreeSpace(limits.radius_m, settings.recent_floor) if self._sees_ahead_only else None
+        self._recent = RecentFreeSpace(limits.radius_m) if self._sees_ahead_only else None
         # free space in the last frame, and for driving
         self._free_space: FreeSpace | None = None
         self._drivable: FreeSpace | None = None

@@ -19,10 +19,8 @@ from robocup_vision.mapping.occupancy import FREE, NO_GO
 from robocup_vision.planning import (
     Fixation,
     GoalQuestion,
-    GoalQuestionSettings,
     Neck,
     SelectiveLook,
-    SelectiveLookSettings,
 )
 from robocup_vision.planning.gaze.field_landmarks import field_landmarks
 from robocup_vision.planning.gaze.goal_question import identified_goal
@@ -36,7 +34,6 @@ from sim2d.robot_link import Point, RobotLimits
 class FieldHalfSettings:
     """Values of `FieldHalf`."""
 
-    question: GoalQuestionSettings = GoalQuestionSettings()
     #: Distance moved after which the robot starts a new question, because missed goals may be visible from there.
     elsewhere_m: float = 0.3
 
@@ -46,7 +43,7 @@ class FieldHalf:
 
     def __init__(self, field: Field, camera: PinholeCamera, neck: Neck, settings: FieldHalfSettings) -> None:
         self._field, self._settings = field, settings
-        self._question = GoalQuestion(field, camera, neck, settings=settings.question)
+        self._question = GoalQuestion(field, camera, neck)
         # position at the first look of the question; None: no question is open
         self._asked_m: tuple[float, float] | None = None
 
@@ -103,7 +100,6 @@ def mirrored(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
 class FloorLookSettings:
     """Values of `FloorLook`."""
 
-    look: SelectiveLookSettings = SelectiveLookSettings()
     #: Greatest difference from the wanted pan at which a frame counts as a look.
     arrived_rad: float = 0.15
 
@@ -140,7 +136,7 @@ class FloorLook:
             return None
         if self._planner is None:
             radius_m = self._limits.radius_m
-            self._planner = SelectiveLook(floor.cell_m, radius_m, self._half_view_rad, self._settings.look)
+            self._planner = SelectiveLook(floor.cell_m, radius_m, self._half_view_rad)
         free, no_go = floor.state == FREE, floor.state == NO_GO
         # the floor under the robot is free, but not visible to its camera
         x, y = (corner[k] + floor.cell_m * (np.arange(len(floor.state)) + 0.5) for k in (0, 1))

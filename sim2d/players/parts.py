@@ -155,7 +155,7 @@ def _blind_m(camera: PinholeCamera) -> float:
 
 def make_role(setup: PlayerSetup, settings: PlayerSettings, is_keeper: bool) -> ChoosesRole:
     """Return the chooser of roles, for players that send messages."""
-    return RoleChooser(setup.number, is_keeper, setup.limits.speed_mps, settings.talk.roles)
+    return RoleChooser(setup.number, is_keeper, setup.limits.speed_mps)
 
 
 def make_tactics(setup: PlayerSetup, settings: PlayerSettings) -> TacticsPart:

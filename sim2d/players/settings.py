@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from robocup_vision.avoidance.recent_free_space import RecentFreeSpaceSettings
 from robocup_vision.localization.filter.errors import OdometryNoise
 from robocup_vision.memory import MemorySettings
 from sim2d.players.ball import BallMemorySettings
@@ -44,8 +43,6 @@ class PlayerSettings:
     start_std_rad: float = math.radians(3.0)
     #: Margin of the filtered free floor, see `SteadyFreeSpace`.
     floor_margin_ratio: float = 0.02
-    #: Settings of the remembered floor if the camera does not see all around.
-    recent_floor: RecentFreeSpaceSettings = RecentFreeSpaceSettings()
     #: Greatest age of a frame by whose free space it drives, because obstacles move; then it stops.
     max_frame_age_s: float = 0.4
     #: Whether it calibrates while playing if its camera file is rough (`PlayerSetup.camera_is_rough`).

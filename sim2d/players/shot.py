@@ -11,7 +11,7 @@ from field_models.field import Field
 from robocup_vision.belief import MapPicture
 from robocup_vision.geometry import Pose2
 from robocup_vision.mapping.occupancy import FREE
-from robocup_vision.planning import Disc, MotionLimits, ShotPlan, ShotPlanner, ShotPlannerSettings
+from robocup_vision.planning import Disc, MotionLimits, ShotPlan, ShotPlanner
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.plan import Surroundings
 from sim2d.players.tactics.keeper import KeeperSettings
@@ -33,8 +33,6 @@ class ShotSettings:
     slips_s: float = 8.0
     #: Standard deviation of the position assumed for an unseen keeper.
     keeper_std_m: float = 0.1
-    #: Settings of the planner.
-    planner: ShotPlannerSettings = ShotPlannerSettings()
 
 
 class Shooter:
@@ -75,7 +73,6 @@ class Shooter:
             motion.holding_rps,
             settings.lost_s,
             settings.slips_s,
-            settings.planner,
         )
 
     def plan(self, surroundings: Surroundings, turn_rps: float) -> ShotPlan:

@@ -10,9 +10,9 @@ from typing import Protocol
 from field_models.errors import PacketError
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.team.ball_fusion import BallFusionSettings, FusedBall, TeamBall
+from robocup_vision.team.ball_fusion import FORGET_S, FusedBall, TeamBall
 from robocup_vision.team.message import BallSighting, Role, TeamMessage, unpack_message
-from robocup_vision.team.roles import ChosenRole, RoleSettings, time_to_ball_s
+from robocup_vision.team.roles import ChosenRole, time_to_ball_s
 from sim2d.robot_link import TIME_SLACK_S, PlayerSetup, Point
 
 
@@ -22,8 +22,6 @@ class TeamTalkSettings:
 
     #: Time between two messages, by the channel's capacity.
     period_s: float = 0.5
-    ball: BallFusionSettings = BallFusionSettings()
-    roles: RoleSettings = RoleSettings()
 
 
 class ChoosesRole(Protocol):
@@ -44,7 +42,7 @@ class TeamTalk:
     def __init__(self, setup: PlayerSetup, roles: ChoosesRole, settings: TeamTalkSettings = TeamTalkSettings()) -> None:
         self._number, self._attacks = setup.number, setup.attacks
         self._limits, self._settings = setup.limits, settings
-        self._ball = TeamBall(settings.ball)
+        self._ball = TeamBall()
         self._roles = roles
         self._sent_s = -math.inf
         self.refused = 0
@@ -114,7 +112,7 @@ class TeamTalk:
         if not belief or len(belief.candidates) > 1:
             return TeamMessage(self._number, t_s, self._roles.role).pack()
         time_s = self._time_to_ball_s(belief.pose, ball)
-        is_old = own is None or t_s - own.t_s > self._settings.ball.forget_s
+        is_old = own is None or t_s - own.t_s > FORGET_S
         sighting = None if is_old else own
         return TeamMessage(self._number, t_s, self._roles.role, time_s, belief.pose, belief.covariance, sighting).pack()
 

@@ -31,7 +31,7 @@ class RangesInGrid(NamedTuple):
 
 
 class MarkRules(NamedTuple):
-    """Rules by which a view marks cells; see `WayfinderSettings`.
+    """Rules by which a view marks cells; see `avoidance.wayfinder`.
 
     fading, overrule_ratio : factor of a free cell's distance with each view that shows it again; greatest ratio of a
     new distance to the old one at which it overrules.
@@ -42,7 +42,7 @@ class MarkRules(NamedTuple):
 
 
 class PriceRules(NamedTuple):
-    """Prices of cells; see `WayfinderSettings`. A price of 2 equals a way of twice the length.
+    """Prices of cells; see `avoidance.wayfinder`. A price of 2 equals a way of twice the length.
 
     tight : extra price if the disc just touches a blocked cell.
     shut : price of a cell in which the disc just does not fit.

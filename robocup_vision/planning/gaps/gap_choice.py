@@ -14,7 +14,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
-from robocup_vision.checks import require_at_least, require_positive
+from robocup_vision.checks import require_positive
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import path_following as kernel
@@ -108,40 +108,21 @@ class WidthSensor:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class PassageSettings:
-    """How `PassageTimes` makes its table, and `choose_gap` uses it.
-
-    Raises
-    ------
-    ArgumentError
-        A value is out of its range.
-    """
-
-    #: narrowest and widest gap in the table, in robot widths, and number of entries. In the widest, a robot drives at
-    #: full speed.
-    min_width: float = 1.0
-    max_width: float = 6.0
-    widths: int = 41
-    #: the way before and after a gap that counts as its passage: a robot is at full speed at its ends
-    way_m: float = 1.5
-    max_s: float = 30.0  #: a drive that takes longer is given up, and counts as blocked
-    plan_every: int = 3  #: commands between two plans of the speed
-    #: number of cells of the width's distribution, and the standard deviations that they cover to either side
-    cells: int = 61
-    spread_sigmas: float = 3.5
-    #: gaps that are considered after one has turned out blocked. Each is reached only if all before are blocked, so
-    #: more do not change the choice.
-    max_alternatives: int = 3
-
-    def __post_init__(self) -> None:
-        require_positive(self, "way_m", "max_s", "spread_sigmas")
-        if not 0.0 < self.min_width < self.max_width < math.inf:
-            raise ArgumentError(
-                f"widths must be 0 < min_width < max_width, got {self.min_width!r} and {self.max_width!r}"
-            )
-        require_at_least(self, 2, "widths")
-        require_at_least(self, 1, "plan_every", "cells", "max_alternatives")
+# narrowest and widest gap in the table, in robot widths, and number of entries. In the widest, a robot drives at
+# full speed.
+_MIN_WIDTH = 1.0
+_MAX_WIDTH = 6.0
+_WIDTHS = 41
+# the way before and after a gap that counts as its passage: a robot is at full speed at its ends
+_WAY_M = 1.5
+_MAX_S = 30.0  # a drive that takes longer is given up, and counts as blocked
+_PLAN_EVERY = 3  # commands between two plans of the speed
+# number of cells of the width's distribution, and the standard deviations that they cover to either side
+_CELLS = 61
+_SPREAD_SIGMAS = 3.5
+# gaps that are considered after one has turned out blocked. Each is reached only if all before are blocked, so
+# more do not change the choice.
+_MAX_ALTERNATIVES = 3
 
 
 class PassageTimes:
@@ -160,19 +141,18 @@ class PassageTimes:
         planner: SpeedPlanner,
         opponent_radius_m: float,
         opponent_sigma_m: float,
-        settings: PassageSettings = PassageSettings(),
     ) -> None:
         for name, value in (("opponent_radius_m", opponent_radius_m), ("opponent_sigma_m", opponent_sigma_m)):
             if not (math.isfinite(value) and value > 0.0):
                 raise ArgumentError(f"{name} must be positive, got {value!r}")
-        self.planner, self.settings = planner, settings
+        self.planner = planner
         # the standard normal distribution in cells of equal width
-        edges = np.linspace(-settings.spread_sigmas, settings.spread_sigmas, settings.cells + 1)
+        edges = np.linspace(-_SPREAD_SIGMAS, _SPREAD_SIGMAS, _CELLS + 1)
         self._at_sigmas = 0.5 * (edges[1:] + edges[:-1])
         mass = np.diff(normal_below(edges))
         self._probability = mass / mass.sum()
         self._opponent = float(opponent_radius_m), float(opponent_sigma_m)
-        widths = np.linspace(settings.min_width, settings.max_width, settings.widths) * 2 * planner.robot_radius_m
+        widths = np.linspace(_MIN_WIDTH, _MAX_WIDTH, _WIDTHS) * 2 * planner.robot_radius_m
         open_s = self._drive_s(None)
         extra = np.array([self._drive_s(width) - open_s for width in widths.tolist()])
         # a wider gap is never slower: where the drive is, the phase of its looks is the reason
@@ -211,21 +191,20 @@ class PassageTimes:
     def _drive_s(self, width_m: float | None) -> float:
         """Return the seconds of a drive without errors, at speeds that allow for them; inf if it is not finished."""
         planner, (radius, sigma) = self.planner, self._opponent
-        way_m, plan_every = self.settings.way_m, self.settings.plan_every
-        path = np.array([[-way_m, 0.0], [way_m, 0.0]])
+        path = np.array([[-_WAY_M, 0.0], [_WAY_M, 0.0]])
         spread = sigma**2 * np.eye(2)
         discs = [] if width_m is None else [Disc(0.0, s * (0.5 * width_m + radius), radius, spread) for s in (-1, 1)]
         limits = planner.follower.limits
         every = max(1, round(planner.look_period_s / planner.period_s))
         look = np.asarray(planner.noise.look_covariance)
         covariance = look
-        place, velocity, asked = (-way_m, 0.0), (0.0, 0.0), (0.0, 0.0)
+        place, velocity, asked = (-_WAY_M, 0.0), (0.0, 0.0), (0.0, 0.0)
         seen, speed = place, 0.0
-        for step in range(int(self.settings.max_s / planner.period_s)):
+        for step in range(int(_MAX_S / planner.period_s)):
             if step % every == 0:
                 covariance = look
                 seen = place
-            if step % plan_every == 0 or step % every == 0:
+            if step % _PLAN_EVERY == 0 or step % every == 0:
                 left_s = (every - step % every) * planner.period_s
                 speed = planner.plan(
                     path, Pose2(*place, 0.0), covariance, velocity, discs, asked, until_look_s=left_s
@@ -235,7 +214,7 @@ class PassageTimes:
                 place, velocity, asked, target, limits.acceleration_mps2, limits.dead_time_s, planner.period_s
             )
             asked = target
-            if place[0] > way_m - 0.02:
+            if place[0] > _WAY_M - 0.02:
                 return (step + 1) * planner.period_s
             covariance = grown(look, planner, (place[0] - seen[0], place[1] - seen[1]))
         return math.inf
@@ -291,10 +270,9 @@ def _by_gap_s(times: PassageTimes, start_m: Point, target_m: Point, gaps: tuple[
     """Return the expected time by gap k first; if that is blocked, by the best order of the others."""
     gap = gaps[k]
     others = tuple(sorted(gaps[:k] + gaps[k + 1 :], key=lambda other: _by(gap.center_m, other, target_m)))
-    settings = times.settings
-    after = settings.max_s
+    after = _MAX_S
     if others:
-        next_ones = others[: settings.max_alternatives]
+        next_ones = others[:_MAX_ALTERNATIVES]
         after = min(_by_gap_s(times, gap.center_m, target_m, next_ones, j) for j in range(len(next_ones)))
     there = times.planner.follower.limits.travel_s(math.dist(start_m, gap.center_m))
     return times.expected_s(gap, _by(start_m, gap, target_m), there + after)

@@ -22,10 +22,18 @@ from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.normal import normal_below
 from robocup_vision.planning.gaps.gap_choice import Gap, Point, WidthSensor
 
+# cells of the width's distribution, over so many standard deviations to either side: finer, plans do not change
+_WIDTHS, _SPREAD_SIGMAS = 32, 4.0
+# bounds between the classes of a measured width, in its standard deviations from the width needed: finer, plans do not
+# change
+_MEASURED_AT_SIGMAS = (-2.0, -1.0, 0.0, 1.0, 2.0)
+# viewpoints form a grid over the triangle of robot, gap and detour, with this many steps a side
+_GRID_STEPS = 5
+
 
 @dataclass(frozen=True, slots=True)
 class GatePlannerSettings:
-    """How `GatePlanner` prices looks and gaps, and how finely it computes.
+    """How `GatePlanner` prices looks and gaps.
 
     Raises
     ------
@@ -38,24 +46,13 @@ class GatePlannerSettings:
     #: cost of entering a gap that is too narrow, besides the way to it and back: touching, stopping, turning
     failure_s: float = 2.0
     looks: int = 3  #: horizon: number of looks in a plan. It is planned again after each.
-    #: cells of the width's distribution, over so many standard deviations to either side: finer, plans do not change
-    widths: int = 32
-    spread_sigmas: float = 4.0
-    #: bounds between the classes of a measured width, in its standard deviations from the width needed: finer, plans do
-    #: not change
-    measured_at_sigmas: tuple[float, ...] = (-2.0, -1.0, 0.0, 1.0, 2.0)
-    #: viewpoints form a grid over the triangle of robot, gap and detour, with this many steps a side
-    grid_steps: int = 5
 
     def __post_init__(self) -> None:
-        require_positive(self, "look_s", "spread_sigmas")
+        require_positive(self, "look_s")
         if not 0.5 <= self.confirmed < 1.0:
             raise ArgumentError(f"confirmed must be from 0.5 to below 1, got {self.confirmed!r}")
         require_not_negative(self, "failure_s")
-        require_at_least(self, 1, "looks", "widths", "grid_steps")
-        bounds = self.measured_at_sigmas
-        if not bounds or list(bounds) != sorted(set(bounds)):
-            raise ArgumentError(f"measured_at_sigmas must ascend, got {bounds!r}")
+        require_at_least(self, 1, "looks")
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,11 +183,7 @@ class GatePlanner:
         normal = np.array([math.cos(gap.across_rad), math.sin(gap.across_rad)])
         side = -1.0 if (center - robot) @ normal >= 0.0 else 1.0
         before = center + side * self._needed_m * normal
-        more = (
-            _between(robot, before, way[0], self._settings.grid_steps)
-            if viewpoints_m is None
-            else np.asarray(viewpoints_m, dtype=np.float64)
-        )
+        more = _between(robot, before, way[0]) if viewpoints_m is None else np.asarray(viewpoints_m, dtype=np.float64)
         if more.ndim != 2 or more.shape[1] != 2 or not np.isfinite(more).all():
             raise ArgumentError(f"viewpoints_m must be (N, 2) and finite, got {more.shape}")
         places = np.vstack([robot, before, more])
@@ -212,8 +205,8 @@ class GatePlanner:
             self._sensor.sigma_m(gap, (float(x), float(y)), travel(d))
             for (x, y), d in zip(places.tolist(), to_gap.tolist(), strict=True)
         ]
-        widths, prior, first_wide = _width_cells(gap, self._needed_m, self._settings)
-        edges = self._needed_m + np.multiply.outer(sigma, self._settings.measured_at_sigmas)
+        widths, prior, first_wide = _width_cells(gap, self._needed_m)
+        edges = self._needed_m + np.multiply.outer(sigma, _MEASURED_AT_SIGMAS)
         below = normal_below((edges[:, :, None] - widths) / np.array(sigma)[:, None, None])
         ends = np.zeros((len(places), 1, len(widths)))
         likelihood = np.diff(np.concatenate([ends, below, ends + 1.0], axis=1), axis=1)
@@ -229,7 +222,8 @@ class GatePlanner:
         return float(tables.move_s[0, place] + self._settings.look_s + cost.sum())
 
 
-def _between(robot: FloatArray, gap: FloatArray, detour: FloatArray, steps: int) -> FloatArray:
+def _between(robot: FloatArray, gap: FloatArray, detour: FloatArray) -> FloatArray:
+    steps = _GRID_STEPS
     corners = ((0, 0), (steps, 0))
     places = [(i, j) for i in range(steps + 1) for j in range(steps + 1 - i) if (i, j) not in corners]
     to_gap, to_detour = np.array(places, dtype=np.float64).T / steps
@@ -240,10 +234,10 @@ def _length(points: FloatArray) -> float:
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 
-def _width_cells(gap: Gap, needed_m: float, settings: GatePlannerSettings) -> tuple[FloatArray, FloatArray, int]:
+def _width_cells(gap: Gap, needed_m: float) -> tuple[FloatArray, FloatArray, int]:
     """Return centres and probabilities of the width's cells, split at the width needed, and the first beyond it."""
-    spread_m = settings.spread_sigmas * gap.sigma_m
-    edges = np.linspace(gap.width_m - spread_m, gap.width_m + spread_m, settings.widths + 1)
+    spread_m = _SPREAD_SIGMAS * gap.sigma_m
+    edges = np.linspace(gap.width_m - spread_m, gap.width_m + spread_m, _WIDTHS + 1)
     edges = np.sort(np.append(edges, np.clip(needed_m, edges[0], edges[-1])))
     middles = 0.5 * (edges[1:] + edges[:-1])
     mass = np.diff(normal_below((edges - gap.width_m) / gap.sigma_m))

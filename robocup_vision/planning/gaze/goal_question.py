@@ -19,7 +19,6 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.belief import Hypothesis
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.checks import require_at_least, require_not_negative
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
@@ -32,34 +31,16 @@ from robocup_vision.planning.gaze.goal_evidence import (
     GoalEvidence,
     load_goal_evidence,
 )
-from robocup_vision.planning.gaze.pose_gaze import Neck
+from robocup_vision.planning.gaze.pose_gaze import PANS, Neck
 from robocup_vision.planning.gaze.uncertainty import clear_probability, sigma_points
 
 Answer = Literal["look", "decided", "undecidable"]
-
-
-@dataclass(frozen=True, slots=True)
-class GoalQuestionSettings:
-    """How `GoalQuestion` compares pans, and when it ends.
-
-    Raises
-    ------
-    ArgumentError
-        A value is out of its range.
-    """
-
-    #: number of pans compared: with 37 over half a turn they are 5 degrees apart, a tenth of a usual field of view
-    pans: int = 37
-    #: entropy at which the question is decided: 0.1 nat leave the other of two poses a probability of 2 %
-    decided_nat: float = 0.1
-    min_gain_nat: float = 0.02  #: a look with a smaller expected gain is not worth its time
-    as_good_nat: float = 0.01  #: pans whose expected entropy differs by less count as equal. Then the head moves least.
-    #: a corner nearer to the picture's border than this fraction of its width is cut as often as not
-    border_ratio: float = 0.01
-
-    def __post_init__(self) -> None:
-        require_at_least(self, 3, "pans")
-        require_not_negative(self, "decided_nat", "min_gain_nat", "as_good_nat", "border_ratio")
+# entropy at which the question is decided: 0.1 nat leave the other of two poses a probability of 2 %
+DECIDED_NAT = 0.1
+_MIN_GAIN_NAT = 0.02  # a look with a smaller expected gain is not worth its time
+_AS_GOOD_NAT = 0.01  # pans whose expected entropy differs by less count as equal. Then the head moves least.
+# a corner nearer to the picture's border than this fraction of its width is cut as often as not
+_BORDER_RATIO = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,14 +98,12 @@ class GoalQuestion:
         camera: PinholeCamera,
         neck: Neck | None = None,
         evidence: GoalEvidence | None = None,
-        settings: GoalQuestionSettings = GoalQuestionSettings(),
     ) -> None:
-        self._settings = settings
         self._field = field
         self._camera = camera.with_orientation(0.0, camera.tilt_rad or 0.0, camera.roll_rad or 0.0)
         self._evidence = load_goal_evidence() if evidence is None else evidence
         limit = (Neck() if neck is None else neck).limit_rad
-        self._pans = np.linspace(-limit, limit, settings.pans)
+        self._pans = np.linspace(-limit, limit, PANS)
         self._half_view_rad = math.atan(camera.size_px[0] / 2 / camera.focal_px[0])
         self._corners = np.array(
             [
@@ -161,9 +140,9 @@ class GoalQuestion:
         ArgumentError
             There is no hypothesis, or probabilities are negative or do not add up to a positive number.
         """
-        settings, probability = self._settings, _probabilities(hypotheses)
+        probability = _probabilities(hypotheses)
         now = entropy_nat(probability)
-        if now <= settings.decided_nat:
+        if now <= DECIDED_NAT:
             return Fixation("decided", None, now, now, f"decided: {probability.max():.1%} sure, {now:.2f} nat")
         if not self.can_decide:
             return Fixation("undecidable", None, now, now, "undecidable: the goals of this field look alike")
@@ -172,10 +151,10 @@ class GoalQuestion:
         after = np.divide(joint, outcome, out=np.ones_like(joint), where=joint > 0)
         expected = -(joint * np.log(after)).sum(axis=(1, 2))
         least = float(expected.min())
-        if now - least < settings.min_gain_nat:
+        if now - least < _MIN_GAIN_NAT:
             reason = f"undecidable from here: the best look would leave {least:.2f} of {now:.2f} nat"
             return Fixation("undecidable", None, now, now, reason)
-        as_good = np.flatnonzero(expected <= least + settings.as_good_nat)
+        as_good = np.flatnonzero(expected <= least + _AS_GOOD_NAT)
         # at the middle of a run of equal pans, an error of the pose matters least
         runs = np.split(as_good, np.flatnonzero(np.diff(as_good) > 1) + 1)
         middles = [int(run[len(run) // 2]) for run in runs]
@@ -259,7 +238,7 @@ class GoalQuestion:
         way = np.stack([c * x + s * y, c * y - s * x, np.broadcast_to(up, (len(pans), *up.shape))], axis=-1)
         pixels = self._camera.ray_to_pixel(way)
         width, height = self._camera.size_px
-        border = self._settings.border_ratio * width
+        border = _BORDER_RATIO * width
         with np.errstate(invalid="ignore"):
             inside = (pixels >= border) & (pixels <= np.array([width, height]) - 1 - border)
         bearing = np.arctan2(y, x)

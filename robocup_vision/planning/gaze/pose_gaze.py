@@ -16,7 +16,7 @@ from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.checks import require_at_least, require_not_negative, require_positive
+from robocup_vision.checks import require_not_negative, require_positive
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
@@ -25,6 +25,15 @@ from robocup_vision.planning.gaze.uncertainty import clear_probability, sigma_po
 
 Criterion = Literal["position", "volume"]
 
+# number of pans compared: over half a turn they are 5 degrees apart, a tenth of a usual field of view
+PANS = 37
+# a landmark nearer to the picture's border than this fraction of its width is not counted: a detector cuts it
+_BORDER_RATIO = 0.03
+# pans whose criterion differs by less than this fraction count as equal. Then the head moves least.
+_AS_GOOD_RATIO = 0.02
+_MIN_LANDMARKS = 0.5  # expected landmarks in view from which a pan is worth planning
+_MAX_MISSES = 2  # frames in a row without a pose, taken at the planned pan, after which the head sweeps
+_ARRIVED_RAD = 0.15  # largest difference from the planned pan at which a frame counts as taken there
 # keeps a covariance invertible, m^2 and rad^2
 _MIN_VARIANCE = 1e-12
 
@@ -104,15 +113,6 @@ class PoseGazeSettings:
     #: time ahead in which frames are counted. A pan far from the present one leaves time for fewer.
     horizon_s: float = 0.5
     frame_s: float = 1 / 30  #: time between frames
-    #: number of pans compared: with 37 they are nearer to each other than a sixth of a usual field of view
-    pans: int = 37
-    #: a landmark nearer to the picture's border than this fraction of its width is not counted: a detector cuts it
-    border_ratio: float = 0.03
-    #: pans whose criterion differs by less than this fraction count as equal. Then the head moves least.
-    as_good_ratio: float = 0.02
-    min_landmarks: float = 0.5  #: expected landmarks in view from which a pan is worth planning
-    max_misses: int = 2  #: frames in a row without a pose, taken at the planned pan, after which the head sweeps
-    arrived_rad: float = 0.15  #: largest difference from the planned pan at which a frame counts as taken there
 
     def __post_init__(self) -> None:
         if self.criterion not in ("position", "volume"):
@@ -121,9 +121,6 @@ class PoseGazeSettings:
             raise ArgumentError(
                 f"frame_s must be positive and within horizon_s, got {self.frame_s} and {self.horizon_s}"
             )
-        require_at_least(self, 3, "pans")
-        require_at_least(self, 1, "max_misses")
-        require_not_negative(self, "border_ratio", "as_good_ratio", "min_landmarks", "arrived_rad")
 
 
 class PoseGaze:
@@ -171,7 +168,7 @@ class PoseGaze:
         partner = [index.get(("post", m.x_m, -m.y_m, m.height_m), i) for i, m in enumerate(marks)]
         self._partner = np.array([p if marks[i].kind == "post" else i for i, p in enumerate(partner)], dtype=np.intp)
         self._max_range_m = np.array([detectors[m.kind].max_range_m for m in marks])
-        self._pans = np.linspace(-neck.limit_rad, neck.limit_rad, settings.pans)
+        self._pans = np.linspace(-neck.limit_rad, neck.limit_rad, PANS)
         self._misses = 0
         # pan of the last plan
         self._wanted: float | None = None
@@ -183,7 +180,7 @@ class PoseGaze:
         """
         if found:
             self._misses = 0
-        elif self._wanted is not None and abs(pan_rad - self._wanted) < self._settings.arrived_rad:
+        elif self._wanted is not None and abs(pan_rad - self._wanted) < _ARRIVED_RAD:
             self._misses += 1
 
     def choose(
@@ -217,7 +214,7 @@ class PoseGaze:
         self._wanted = None
         if not belief:
             return self._sweep(t_s, "the pose is not known")
-        if self._misses >= self._settings.max_misses:
+        if self._misses >= _MAX_MISSES:
             return self._sweep(t_s, f"{self._misses} frames in a row had no pose")
         assert isinstance(belief, PoseEstimate)
         growth = np.zeros((3, 3)) if drift is None else np.asarray(drift, dtype=np.float64)
@@ -228,9 +225,9 @@ class PoseGaze:
         left = self._left(prior, belief.pose, visible, pan_rad)
         score = left[:, 0, 0] + left[:, 1, 1] if self._settings.criterion == "position" else np.linalg.det(left)
         counts = visible.sum(axis=2).mean(axis=0)
-        if not counts.max(initial=0.0) > self._settings.min_landmarks:
+        if not counts.max(initial=0.0) > _MIN_LANDMARKS:
             return self._sweep(t_s, "no landmark can be in view")
-        as_good = np.flatnonzero(score <= score.min() * (1 + self._settings.as_good_ratio))
+        as_good = np.flatnonzero(score <= score.min() * (1 + _AS_GOOD_RATIO))
         best = int(as_good[np.argmin(np.abs(self._pans[as_good] - pan_rad))])
         std = math.sqrt(float(left[best, 0, 0] + left[best, 1, 1]))
         before = math.sqrt(float(prior[0, 0] + prior[1, 1]))
@@ -254,7 +251,7 @@ class PoseGaze:
         up = np.broadcast_to(self._marks[:, 2] - self._camera.height_m, (*heading.shape, len(self._marks)))
         pixels = self._camera.ray_to_pixel(np.stack([c * x + s * y, c * y - s * x, up], axis=-1))
         width, height = self._camera.size_px
-        border = self._settings.border_ratio * width
+        border = _BORDER_RATIO * width
         with np.errstate(invalid="ignore"):
             inside = (pixels[..., 0] >= border) & (pixels[..., 0] <= width - 1 - border)
             inside &= (pixels[..., 1] >= border) & (pixels[..., 1] <= height - 1 - border)

@@ -16,35 +16,18 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import BoolArray, FloatArray, read_only
-from robocup_vision.checks import require_at_least, require_not_negative
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.kernels.motion.way_grid import find_way
 
 Answer = Literal["look", "go", "blocked"]
-
-
-@dataclass(frozen=True, slots=True)
-class SelectiveLookSettings:
-    """How `SelectiveLook` plans paths, and how often it looks.
-
-    Raises
-    ------
-    ArgumentError
-        A value is out of its range.
-    """
-
-    #: extra cost of a cell near undecided floor: of two paths of one length the better known one is taken
-    unsure_cost: float = 1e-3
-    #: a new path must be shorter than the last one by this fraction to replace it, so that looks are not lost
-    switch_ratio: float = 0.05
-    #: looks after which a place that is still undecided is left until the robot is elsewhere: the same view again adds
-    #: little
-    max_looks: int = 2
-    elsewhere_m: float = 0.3  #: distance from its last look at which the robot has another view
-
-    def __post_init__(self) -> None:
-        require_not_negative(self, "unsure_cost", "switch_ratio", "elsewhere_m")
-        require_at_least(self, 1, "max_looks")
+# extra cost of a cell near undecided floor: of two paths of one length the better known one is taken
+_UNSURE_COST = 1e-3
+# a new path must be shorter than the last one by this fraction to replace it, so that looks are not lost
+_SWITCH_RATIO = 0.05
+# looks after which a place that is still undecided is left until the robot is elsewhere: the same view again adds
+# little
+_MAX_LOOKS = 2
+_ELSEWHERE_M = 0.3  # distance from its last look at which the robot has another view
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,10 +63,8 @@ class SelectiveLook:
         cell_m: float,
         robot_radius_m: float,
         half_view_rad: float,
-        settings: SelectiveLookSettings = SelectiveLookSettings(),
     ) -> None:
         prepare("steering")
-        self._settings = settings
         for name, value in (
             ("cell_m", cell_m),
             ("robot_radius_m", robot_radius_m),
@@ -108,7 +89,7 @@ class SelectiveLook:
         A place that `max_looks` looks leave undecided is not looked at again from here. It stays undecided, so the
         robot must drive slowly towards it.
         """
-        here = [look for look in self._looks if math.dist(look[1], from_m) < self._settings.elsewhere_m]
+        here = [look for look in self._looks if math.dist(look[1], from_m) < _ELSEWHERE_M]
         self._looks = [*here, (at_m, from_m)]
 
     def choose(
@@ -183,12 +164,12 @@ class SelectiveLook:
         i, j = np.ogrid[: shape[0], : shape[1]]
         x, y = corner[0] + (i + 0.5) * self._cell_m, corner[1] + (j + 0.5) * self._cell_m
         for at_m, from_m in self._looks:
-            if math.dist(from_m, robot_m) < self._settings.elsewhere_m:
+            if math.dist(from_m, robot_m) < _ELSEWHERE_M:
                 forward, left = at_m[0] - from_m[0], at_m[1] - from_m[1]
                 dx, dy = x - from_m[0], y - from_m[1]
                 off = np.arctan2(forward * dy - left * dx, forward * dx + left * dy)
                 counts += np.abs(off) < self._half_view_rad
-        return np.asarray(counts >= self._settings.max_looks)
+        return np.asarray(counts >= _MAX_LOOKS)
 
     def _away_m(self, cells: BoolArray) -> FloatArray:
         """Return the distance of each cell's centre from the nearest of some cells' centres; infinite without any."""
@@ -209,7 +190,7 @@ class SelectiveLook:
         size = max(passable.shape)
         price = np.full((size, size), np.inf, dtype=np.float32)
         price[: passable.shape[0], : passable.shape[1]] = np.where(
-            passable, np.where(near_unsure, 1 + self._settings.unsure_cost, 1.0), np.inf
+            passable, np.where(near_unsure, 1 + _UNSURE_COST, 1.0), np.inf
         )
         come_from, cost = np.empty(size * size, dtype=np.int32), np.empty(size * size, dtype=np.float32)
         first, cell = (place[0] * size + place[1] for place in (start, end))
@@ -236,7 +217,7 @@ class SelectiveLook:
             return cells
         if (rest[0] != start).any():
             rest = np.vstack([start, rest])
-        return rest if _length_m(rest) <= (1 + self._settings.switch_ratio) * _length_m(cells) else cells
+        return rest if _length_m(rest) <= (1 + _SWITCH_RATIO) * _length_m(cells) else cells
 
     def _first_unsure(
         self, cells: npt.NDArray[np.int64], unsure: BoolArray, no_go: BoolArray, start: tuple[int, int]

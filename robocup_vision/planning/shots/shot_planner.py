@@ -15,7 +15,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
-from robocup_vision.checks import require_at_least, require_positive
+from robocup_vision.checks import require_positive
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import wrap_angle
 from robocup_vision.motion_limits import MotionLimits
@@ -62,30 +62,13 @@ def cover_goal(ball: Point, posts_m: tuple[Point, Point], reach_m: float, room_m
     return Cover((ball[0] + away_m * math.cos(middle), ball[1] + away_m * math.sin(middle)), 2 * half)
 
 
-@dataclass(frozen=True, slots=True)
-class ShotPlannerSettings:
-    """Which kicks `ShotPlanner` compares.
-
-    Raises
-    ------
-    ArgumentError
-        A value is out of its range.
-    """
-
-    #: points of the goal's mouth that are aimed at: less than a ball apart on a goal of the small-size league
-    aims: int = 25
-    #: distances of the places to which the ball may be taken first. Nearer ones are closer together: the farther the
-    #: place, the less certain is what happens until then.
-    ways_m: tuple[float, ...] = (0.1, 0.2, 0.35, 0.5, 0.7)
-    #: directions of these places, from that of the goal: farther aside, the goal gets no wider
-    directions_rad: tuple[float, ...] = (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
-
-    def __post_init__(self) -> None:
-        require_at_least(self, 1, "aims")
-        if not all(0.0 < way < math.inf for way in self.ways_m) or list(self.ways_m) != sorted(self.ways_m):
-            raise ArgumentError(f"ways_m must be positive and ascend, got {self.ways_m!r}")
-        if not all(math.isfinite(direction) for direction in self.directions_rad):
-            raise ArgumentError(f"directions_rad must be finite, got {self.directions_rad!r}")
+# points of the goal's mouth that are aimed at: less than a ball apart on a goal of the small-size league
+_AIMS = 25
+# distances of the places to which the ball may be taken first. Nearer ones are closer together: the farther the
+# place, the less certain is what happens until then.
+_WAYS_M = (0.1, 0.2, 0.35, 0.5, 0.7)
+# directions of these places, from that of the goal: farther aside, the goal gets no wider
+_DIRECTIONS_RAD = (-1.0, -0.6, -0.3, 0.0, 0.3, 0.6, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +109,6 @@ class ShotPlanner:
     turn_rps: float
     lost_s: float  #: mean time for which the robot holds the ball where another one can reach it
     slips_s: float  #: the same where none can: waiting without end for a better chance is not worth it
-    settings: ShotPlannerSettings = ShotPlannerSettings()  #: which kicks are compared
 
     def __post_init__(self) -> None:
         require_positive(
@@ -230,10 +212,10 @@ class ShotPlanner:
         ahead = math.atan2(goal[1] - ball[1], goal[0] - ball[0])
         room = math.dist(ball, goal.tolist()) - 2 * self.ball_radius_m
         places, ways = [ball], [0.0]
-        for way in self.settings.ways_m:
+        for way in _WAYS_M:
             if way >= room:
                 break
-            for direction in self.settings.directions_rad:
+            for direction in _DIRECTIONS_RAD:
                 a = ahead + direction
                 places.append((ball[0] + way * math.cos(a), ball[1] + way * math.sin(a)))
                 ways.append(way)
@@ -242,7 +224,7 @@ class ShotPlanner:
     def _aims(self) -> FloatArray:
         left, right = np.array(self.posts_m)
         margin = self.ball_radius_m / math.dist(*self.posts_m)
-        fraction = np.linspace(margin, 1.0 - margin, self.settings.aims)[:, None]
+        fraction = np.linspace(margin, 1.0 - margin, _AIMS)[:, None]
         return np.asarray(left + fraction * (right - left))
 
     def _reach_m(self, seconds: FloatArray) -> FloatArray:

@@ -14,7 +14,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
-from robocup_vision.checks import require_at_least, require_not_negative, require_positive
+from robocup_vision.checks import require_not_negative, require_positive
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
@@ -100,28 +100,11 @@ class PoseNoise:
         object.__setattr__(self, "look_covariance", covariance)
 
 
-@dataclass(frozen=True, slots=True)
-class SpeedPlannerSettings:
-    """How `SpeedPlanner` searches a speed.
-
-    Raises
-    ------
-    ArgumentError
-        A value is out of its range.
-    """
-
-    sigmas: float = 3.0  #: number of standard deviations of the errors that count as possible
-    period_s: float = 1 / 30  #: time between two commands
-    #: each speed that is tried is this fraction of the one before; so many are tried. 20 of 0.85 reach 4.6 % of the top
-    #: speed, below which driving no longer pays.
-    slower_ratio: float = 0.85
-    speeds: int = 20
-
-    def __post_init__(self) -> None:
-        require_positive(self, "sigmas", "period_s")
-        if not 0.0 < self.slower_ratio < 1.0:
-            raise ArgumentError(f"slower_ratio must be above 0 and below 1, got {self.slower_ratio!r}")
-        require_at_least(self, 1, "speeds")
+_SIGMAS = 3.0  # number of standard deviations of the errors that count as possible
+# each speed that is tried is this fraction of the one before; so many are tried. 20 of 0.85 reach 4.6 % of the top
+# speed, below which driving no longer pays.
+_SLOWER_RATIO = 0.85
+_SPEEDS = 20
 
 
 class SpeedPlanner:
@@ -131,6 +114,8 @@ class SpeedPlanner:
     ----------
     robot_radius_m : float
         Of the robot, and the clearance that it keeps.
+    look_period_s, period_s : float
+        Time between two looks, and between two commands.
     """
 
     def __init__(
@@ -139,17 +124,14 @@ class SpeedPlanner:
         robot_radius_m: float,
         noise: PoseNoise,
         look_period_s: float,
-        settings: SpeedPlannerSettings = SpeedPlannerSettings(),
+        period_s: float = 1 / 30,
     ) -> None:
-        for name, value in (("robot_radius_m", robot_radius_m), ("look_period_s", look_period_s)):
-            if not (math.isfinite(value) and value > 0.0):
-                raise ArgumentError(f"{name} must be positive, got {value!r}")
         self.follower, self.noise = follower, noise
         self.robot_radius_m, self.look_period_s = float(robot_radius_m), float(look_period_s)
-        self.period_s = settings.period_s
-        self._sigmas = settings.sigmas
+        self.period_s = float(period_s)
+        require_positive(self, "robot_radius_m", "look_period_s", "period_s")
         top = follower.limits.speed_mps
-        self._speeds = [top * settings.slower_ratio**k for k in range(settings.speeds)]
+        self._speeds = [top * _SLOWER_RATIO**k for k in range(_SPEEDS)]
 
     def plan(
         self,
@@ -205,7 +187,7 @@ class SpeedPlanner:
                 speed, self.follower.ahead(speed), limits.acceleration_mps2, limits.dead_time_s, self.period_s,
                 until_look, (self.noise.along, self.noise.aside),
             )  # fmt: skip
-            clearance, which = kernel.min_clearance(path, start, way, table, self._sigmas)
+            clearance, which = kernel.min_clearance(path, start, way, table, _SIGMAS)
             if clearance >= 0.0:
                 if speed == self._speeds[0]:
                     return SpeedPlan(speed, True, clearance, f"full speed: {_room(clearance, discs, which)}")

@@ -16,11 +16,9 @@ from robocup_vision.planning import (
     Gap,
     GatePlanner,
     GatePlannerSettings,
-    PassageSettings,
     PathFollower,
     PoseNoise,
     SpeedPlanner,
-    SpeedPlannerSettings,
     WidthSensor,
     gap_between,
 )
@@ -87,8 +85,6 @@ class RouteSettings:
     others_std_m: float = 0.015
     #: Settings of looks and passing at a gap that may be too narrow.
     gate: GatePlannerSettings = GatePlannerSettings()
-    passage: PassageSettings = PassageSettings()
-    speed: SpeedPlannerSettings = SpeedPlannerSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,13 +170,13 @@ def speed_planner(limits: RobotLimits, settings: RouteSettings) -> SpeedPlanner:
     """Return the planner of safe speeds of a robot."""
     frame = np.diag([settings.pose_std_m**2, settings.pose_std_m**2, settings.pose_std_rad**2])
     noise = PoseNoise(settings.odometry_error, settings.odometry_error, frame)
-    return SpeedPlanner(PathFollower(limits), limits.radius_m, noise, settings.replan_s, settings.speed)
+    return SpeedPlanner(PathFollower(limits), limits.radius_m, noise, settings.replan_s)
 
 
 @functools.lru_cache(maxsize=4)
 def _passage_times(limits: RobotLimits, settings: RouteSettings) -> PassageTimes:
     """Return one table for all robots of a kind, because it takes a second to compute."""
-    return PassageTimes(speed_planner(limits, settings), limits.radius_m, settings.others_std_m, settings.passage)
+    return PassageTimes(speed_planner(limits, settings), limits.radius_m, settings.others_std_m)
 
 
 def row_across(

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
-from robocup_vision.avoidance import Wayfinder, WayfinderSettings
+from robocup_vision.avoidance import Wayfinder
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 
@@ -98,18 +98,23 @@ def test_it_goes_through_what_is_wide_enough_and_round_what_is_not(width_m, thro
 
 
 def test_far_is_forgotten_and_near_goes_along():
-    way = Wayfinder(RADIUS, WayfinderSettings(window_m=2.0, every=1))
-    wall = [((0.4, -0.5), (0.4, 0.5))]
-    way.update(seen_from(STILL, wall), STILL)
+    way = Wayfinder(RADIUS, window_m=2.0)
+
+    def see(view, motion):
+        # of three views it reads one
+        for moved in (motion, STILL, STILL):
+            way.update(view, moved)
+
+    see(seen_from(STILL, [((0.4, -0.5), (0.4, 0.5))]), STILL)
     assert not way.head(0.0, 0.9).straight
     blind = FreeSpace(BEARING, np.full(COUNT, np.nan))
     # to its other side, by which the window has moved on
-    way.update(blind, Pose2(0.0, 0.6, 0.0))
-    way.update(blind, Pose2(0.8, -0.6, math.pi))
+    see(blind, Pose2(0.0, 0.6, 0.0))
+    see(blind, Pose2(0.8, -0.6, math.pi))
     assert not way.head(0.0, 0.9).straight
     assert way.head(math.pi, 0.9).straight
-    way.update(blind, Pose2(-2.0, 0.0, 0.0))
-    way.update(blind, Pose2(2.0, 0.0, 0.0))
+    see(blind, Pose2(-2.0, 0.0, 0.0))
+    see(blind, Pose2(2.0, 0.0, 0.0))
     assert way.head(0.0, 0.9).straight
 
 
@@ -156,7 +161,7 @@ def test_who_goes_another_way_or_comes_to_a_turn_slows_down_first():
 )
 def test_bad_parameters_of_a_wayfinder_are_named(change, message):
     with pytest.raises(ArgumentError, match=message):
-        Wayfinder(change.pop("robot_radius_m", RADIUS), WayfinderSettings(**change))
+        Wayfinder(**{"robot_radius_m": RADIUS, **change})
 
 
 def test_bad_views_and_goals_are_named():

@@ -9,10 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robocup_vision.team.ball_fusion import OWN, BallFusionSettings, TeamBall
+from robocup_vision.team.ball_fusion import FORGET_S, OWN, TeamBall
 from robocup_vision.team.message import BallSighting, TeamMessage
-
-SETTINGS = BallFusionSettings()
 
 
 def seen(t_s, x_m, y_m, std_m=0.05, velocity=(0.0, 0.0)):
@@ -45,8 +43,8 @@ def test_what_others_saw_is_moved_to_now():
 
 def test_an_old_sighting_is_forgotten():
     team = team_of(seen(1.0, 0.5, 0.2))
-    assert team.fuse(None, 1.0 + SETTINGS.forget_s) is not None
-    assert team.fuse(None, 1.1 + SETTINGS.forget_s) is None
+    assert team.fuse(None, 1.0 + FORGET_S) is not None
+    assert team.fuse(None, 1.1 + FORGET_S) is None
 
 
 @given(st.integers(1, 6), st.floats(0.01, 0.5))

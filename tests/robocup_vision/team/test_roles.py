@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from robocup_vision.geometry import Pose2
 from robocup_vision.team.message import TeamMessage
-from robocup_vision.team.roles import RoleChooser, RoleSettings, time_to_ball_s
+from robocup_vision.team.roles import STALE_S, RoleChooser, time_to_ball_s
 
 BALL = (0.0, 0.0)
 PLACES = st.tuples(st.floats(-3.0, 3.0), st.floats(-2.0, 2.0))
@@ -70,7 +70,7 @@ def test_without_messages_each_decides_alone():
     chooser.update(message(2, (0.2, 0.0), 1.0))
     assert choose(chooser, (1.0, 0.0), 1.5).role == "support"
     # the other one has fallen silent
-    late = choose(chooser, (1.0, 0.0), 1.1 + RoleSettings().stale_s)
+    late = choose(chooser, (1.0, 0.0), 1.1 + STALE_S)
     assert (late.role, late.is_agreed) == ("fetch", False)
 
 

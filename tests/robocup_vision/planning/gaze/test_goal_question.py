@@ -17,7 +17,7 @@ from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, half_turn_covariance
 from robocup_vision.planning.gaze.goal_evidence import CORNERS, GoalEvidence, load_goal_evidence
-from robocup_vision.planning.gaze.goal_question import GoalQuestion, GoalQuestionSettings, entropy_nat, identified_goal
+from robocup_vision.planning.gaze.goal_question import DECIDED_NAT, GoalQuestion, entropy_nat, identified_goal
 from robocup_vision.planning.gaze.pose_gaze import Neck
 
 FIELD = load_field("four_legged_2007")
@@ -86,7 +86,7 @@ def test_decided_when_little_entropy_is_left() -> None:
     sure = question.choose(_halves(Pose2(0.0, 0.0, 0.0), 0.985))
     assert sure.answer == "decided"
     assert sure.pan_rad is None
-    assert sure.entropy_nat <= GoalQuestionSettings().decided_nat
+    assert sure.entropy_nat <= DECIDED_NAT
     assert sure.reason.startswith("decided: 98.5% sure")
     assert question.choose(_halves(Pose2(0.0, 0.0, 0.0), 0.9)).answer == "look"
 
@@ -120,7 +120,7 @@ def test_does_not_look_for_ever_where_looks_fail() -> None:
 @settings(max_examples=10)
 @given(poses(2.0), numbers(0.05, 0.95), numbers(0.3, 0.9), numbers(0.0, 0.1))
 def test_laws_of_a_question(pose: Pose2, probability: float, found: float, wrong: float) -> None:
-    question = GoalQuestion(FIELD, CAMERA, NECK, _evidence(found, wrong), GoalQuestionSettings(pans=9))
+    question = GoalQuestion(FIELD, CAMERA, NECK, _evidence(found, wrong))
     halves = _halves(pose, probability, np.diag([0.1, 0.1, 0.1]) ** 2)
     look = question.choose(halves)
     # a look never adds entropy on average
@@ -131,9 +131,7 @@ def test_laws_of_a_question(pose: Pose2, probability: float, found: float, wrong
             pytest.approx(1.0)
         )
     # which of the two stands first does not matter
-    swapped = GoalQuestion(FIELD, CAMERA, NECK, _evidence(found, wrong), GoalQuestionSettings(pans=9)).choose(
-        halves[::-1]
-    )
+    swapped = GoalQuestion(FIELD, CAMERA, NECK, _evidence(found, wrong)).choose(halves[::-1])
     assert swapped.expected_nat == pytest.approx(look.expected_nat, abs=1e-9)
 
 

@@ -61,9 +61,7 @@ def test_plain_sum_of_information_without_neck_error() -> None:
     detectors = {"beacon": Detector(1.0, 1.0, 2.0)}
     belief = _belief(0.6, 1.5, 0.0, (0.01, 0.01, 0.01))
     neck = Neck(0.9, 1e9, std_rad=0.0)
-    planner = PoseGaze(
-        FIELD, CAMERA, neck, detectors=detectors, settings=PoseGazeSettings(horizon_s=0.1, frame_s=0.1, pans=91)
-    )
+    planner = PoseGaze(FIELD, CAMERA, neck, detectors=detectors, settings=PoseGazeSettings(horizon_s=0.1, frame_s=0.1))
     gaze = planner.choose(belief, 0.0)
     way = np.array([1.35 - 0.6, 1.95 - 1.5])
     r2 = float(way @ way)
