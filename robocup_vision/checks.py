@@ -7,11 +7,17 @@ import math
 from field_models.errors import ArgumentError
 
 
+def as_positive(name: str, value: float) -> float:
+    """Return a number as float; refuse one that is not positive and finite, by an `ArgumentError` that names it."""
+    if not 0.0 < value < math.inf:
+        raise ArgumentError(f"{name} must be positive, got {value!r}")
+    return float(value)
+
+
 def require_positive(owner: object, *names: str) -> None:
     """Refuse attributes that are not positive and finite, by an `ArgumentError` that names the first."""
     for name in names:
-        if not 0.0 < getattr(owner, name) < math.inf:
-            raise ArgumentError(f"{name} must be positive, got {getattr(owner, name)!r}")
+        as_positive(name, getattr(owner, name))
 
 
 def require_not_negative(owner: object, *names: str) -> None:

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from field_models.errors import ArgumentError
-from robocup_vision.arguments import as_number
 from robocup_vision.arrays import FloatArray, read_only
+from robocup_vision.checks import as_positive
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 
@@ -144,9 +144,7 @@ class RecentFreeSpace:
     """
 
     def __init__(self, robot_radius_m: float) -> None:
-        self._radius_m = as_number("robot_radius_m", robot_radius_m)
-        if not self._radius_m > 0.0:
-            raise ArgumentError(f"robot_radius_m must be positive, got {robot_radius_m!r}")
+        self._radius_m = as_positive("robot_radius_m", robot_radius_m)
         width_rad = math.tau / _DIRECTIONS
         self._bearing_rad = read_only((np.arange(_DIRECTIONS) + 0.5) * width_rad - math.pi)
         self.forget()

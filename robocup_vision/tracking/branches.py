@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Set
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -208,13 +208,4 @@ class Branches:
         return self.select(keep_near(self.tree, self.evidence, self.history, is_chosen, *bounds))
 
     def _arrays(self) -> kernel.BranchArrays:
-        return kernel.BranchArrays(
-            self.tree,
-            self.mean,
-            self.covariance,
-            self.evidence,
-            self.odds,
-            self.coasted_s,
-            self.missed,
-            self.history,
-        )
+        return kernel.BranchArrays(*(getattr(self, field.name) for field in fields(self)))

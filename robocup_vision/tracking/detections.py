@@ -18,7 +18,7 @@ import numpy.typing as npt
 from field_models import Field
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
-from robocup_vision.geometry import Pose2
+from robocup_vision.geometry import Pose2, turned_covariance
 from robocup_vision.perception.obstacles import Obstacle, join_places
 
 
@@ -182,8 +182,7 @@ class ReturnDetector:
             # the hidden part of an object may be on either side
             hidden = max(2 * self.radius_m - width, 0.0)
             across = along + hidden**2 / 12
-            axes = np.array([[ahead, -aside], [aside, ahead]])
-            covariance = axes @ np.diag([along, across]) @ axes.T
+            covariance = turned_covariance(np.diag([along, across]), near.bearing_rad)
             for piece in range(count):
                 off = (piece - 0.5 * (count - 1)) * width
                 found.append(Detection(ahead * out - aside * off, aside * out + ahead * off, covariance))
@@ -215,9 +214,7 @@ def in_field(
         Of that.
     """
     local = np.array([[d.x_m, d.y_m] for d in detections]).reshape(-1, 2)
-    c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
-    turn = np.array([[c, -s], [s, c]])
-    spreads = turn @ np.array([d.covariance for d in detections]).reshape(-1, 2, 2) @ turn.T
+    spreads = turned_covariance(np.array([d.covariance for d in detections]).reshape(-1, 2, 2), robot.theta_rad)
     places = robot.transform(local)
     if robot_covariance is not None:
         by_pose = np.zeros((len(local), 2, 3))

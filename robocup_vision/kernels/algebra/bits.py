@@ -27,17 +27,6 @@ def lowest(bits: np.uint64) -> int:
 
 
 @compiled(inline="always")
-def four_bytes(values: UInt8Array, at: np.uint64) -> np.uint32:
-    """Return four consecutive bytes as one number, the first one lowest; the compiler loads them at once."""
-    return np.uint32(
-        np.uint32(values[at])
-        | np.uint32(values[at + ONE]) << np.uint32(8)
-        | np.uint32(values[at + TWO]) << np.uint32(16)
-        | np.uint32(values[at + THREE]) << np.uint32(24)
-    )
-
-
-@compiled(inline="always")
 def eight_bytes(values: UInt8Array, at: np.uint64) -> np.uint64:
     """Return eight consecutive bytes as one number, the first one lowest; the compiler loads them at once."""
     low = (

@@ -14,21 +14,12 @@ from robocup_vision.compiling.loops import compiled
 def pick_distinct(poses: FloatArray, apart_m: float, apart_rad: float, twins: bool, picked: Int64Array) -> int:
     """Pick poses that are not neighbours of a pose picked before.
 
-    Parameters
-    ----------
-    poses : (N, 3) float64
-        x, y, theta in metres and radians, the best first.
-    apart_m, apart_rad : float
-        Two poses are neighbours if they are closer than both.
-    twins : bool
-        Whether the neighbours of a pose's half turn about the origin count as its neighbours, too.
-    picked : (M,) int64
-        Filled with the indices of up to M poses.
+    poses : (N, 3) x, y, theta in metres and radians, the best first.
+    apart_m, apart_rad : two poses are neighbours if they are closer than both.
+    twins : whether the neighbours of a pose's half turn about the origin count as its neighbours, too.
+    picked : (M,); written: the indices of up to M poses.
 
-    Returns
-    -------
-    int
-        Number of poses picked.
+    Returns the number of poses picked.
     """
     count = 0
     for n in range(poses.shape[0]):

@@ -42,16 +42,9 @@ def quantiles(values: FloatArray, parts: FloatArray, scratch: FloatArray, out: F
 
     The values are counted in a histogram. Only those of the bin that holds a quantile are sorted.
 
-    Parameters
-    ----------
-    values : (N,) float64
-        At least one value; all finite.
-    parts : (Q,) float64
-        Probabilities, 0 to 1.
-    scratch : (M,) float64
-        Room for N + 1 values.
-    out : (Q,) float64
-        Filled.
+    values : (N,) at least one value; all finite.
+    parts, out : (Q,) probabilities, 0 to 1; (Q,) written.
+    scratch : room for N + 1 values.
     """
     count = values.shape[0]
     low, high = values[0], values[0]

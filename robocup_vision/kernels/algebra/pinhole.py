@@ -18,14 +18,9 @@ Axis = tuple[float, float, float]
 class PinholeView(NamedTuple):
     """The parameters of a robot's camera that the kernels need.
 
-    Parameters
-    ----------
-    robot_to_camera : (3, 3) float64
-        Rotation of directions.
-    viewpoint_m : (3,) float64
-        Centre of projection in the robot frame.
-    focal_px, center_px : (2,) float64
-        Along u and v.
+    robot_to_camera : (3, 3) float64, rotation of directions.
+    viewpoint_m : (3,) float64, centre of projection in the robot frame.
+    focal_px, center_px : (2,) float64, along u and v.
     """
 
     robot_to_camera: FloatArray
@@ -58,16 +53,8 @@ def in_camera(rotation: tuple[Axis, Axis, Axis], x: float, y: float, z: float) -
 def point_in_camera(view: PinholeView, c: float, s: float, x: float, y: float, z: float) -> Axis:
     """Return a point of the field in the camera frame.
 
-    Parameters
-    ----------
-    view : PinholeView
-        The robot's camera.
-    c, s : float
-        Cosine and sine of the robot's heading.
-    x, y : float
-        The point minus the robot's position, field frame, metres.
-    z : float
-        Its height above the floor.
+    c, s : cosine and sine of the robot's heading.
+    x, y : the point minus the robot's position, field frame, metres; z : its height above the floor.
     """
     turn, viewpoint = view.robot_to_camera, view.viewpoint_m
     px, py, pz = c * x + s * y - viewpoint[0], c * y - s * x - viewpoint[1], z - viewpoint[2]

@@ -20,19 +20,9 @@ def adjugate_3x3(matrix: FloatArray, out: FloatArray) -> float:
 def solve_3x3(matrix: FloatArray, right: FloatArray, work: FloatArray, out: FloatArray) -> bool:
     """Solve a symmetric positive definite system by Cramer's rule.
 
-    Parameters
-    ----------
-    matrix, right : (3, 3), (3,) float64
-        The system.
-    work : (3, 3) float64
-        Overwritten.
-    out : (3,) float64
-        Result.
+    matrix, right, work, out : (3, 3), (3,), (3, 3) overwritten, (3,) the result.
 
-    Returns
-    -------
-    bool
-        False if the determinant is not positive; then `out` is not written.
+    Returns False if the determinant is not positive; then `out` is not written.
     """
     determinant = adjugate_3x3(matrix, work)
     if not determinant > 0.0:

@@ -17,12 +17,8 @@ from robocup_vision.kernels.algebra.pinhole import PinholeView, ideal_pixel, poi
 class LandmarkPixels(NamedTuple):
     """Landmarks and their pixels in a frame.
 
-    Parameters
-    ----------
-    positions_m, covariances : (N, 3), (N, 3, 3) float64
-        In the field frame.
-    pixels, std_px : (N, 2), (N,) float64
-        Ideal pixels and their standard deviations.
+    positions_m, covariances : (N, 3), (N, 3, 3) float64, field frame.
+    pixels, std_px : (N, 2), (N,) float64, ideal pixels and their standard deviations.
     """
 
     positions_m: FloatArray
@@ -32,17 +28,7 @@ class LandmarkPixels(NamedTuple):
 
 
 class Linearised(NamedTuple):
-    """A landmark's pixel linearised by the pose.
-
-    Parameters
-    ----------
-    pixel : (2,) float64
-        Predicted pixel.
-    jacobian : (2, 3) float64
-        Derivative of the pixel by the pose.
-    weight : (2, 2) float64
-        Inverse covariance of the pixel's residual.
-    """
+    """A landmark's predicted pixel (2,), its derivative (2, 3) by the pose, and the residual's inverse covariance."""
 
     pixel: FloatArray
     jacobian: FloatArray
@@ -60,23 +46,11 @@ def linearise(
 ) -> bool:
     """Write a landmark's predicted pixel, its derivative by the pose and its inverse covariance.
 
-    Parameters
-    ----------
-    view : PinholeView
-        The robot's camera.
-    pose : (3,) float64
-        x, y, theta of the robot.
-    landmark, covariance : (3,), (3, 3) float64
-        In the field frame.
-    std_px : float
-        Noise of the pixel.
-    out : Linearised
-        Written.
+    pose : (3,) x, y, theta of the robot.
+    landmark, covariance : (3,) and (3, 3), field frame.
+    std_px : noise of the pixel.
 
-    Returns
-    -------
-    bool
-        False if the landmark is behind the camera.
+    Returns False if the landmark is behind the camera.
     """
     turn, focal = view.robot_to_camera, view.focal_px
     jacobian, weight = out.jacobian, out.weight
@@ -130,25 +104,12 @@ def fit_pose(
 ) -> FloatArray:
     """Fit the pose by Gauss-Newton with redescending weights (Ogawa et al. 2011, eqs. 14 to 19).
 
-    Parameters
-    ----------
-    view : PinholeView
-        The robot's camera.
-    start : (3,) float64
-        Pose to start from.
-    matches : LandmarkPixels
-        N landmarks with their pixels.
-    widths : (I,) float64
-        Widths of the weight function in each iteration, standard deviations.
-    bound : float
-        Greatest squared Mahalanobis distance of an inlier.
-    pose, squared : (3,), (N,) float64
-        Filled with the pose and the squared Mahalanobis distances there.
+    start : (3,) pose to start from.
+    widths : (I,) widths of the weight function in each iteration, standard deviations.
+    bound : greatest squared Mahalanobis distance of an inlier.
+    pose, squared : (3,) and (N,); written: the pose, and the squared Mahalanobis distances there.
 
-    Returns
-    -------
-    (3, 3) float64
-        The inliers' normal matrix.
+    Returns the inliers' normal matrix (3, 3).
     """
     out = Linearised(np.empty(2), np.empty((2, 3)), np.empty((2, 2)))
     jacobian, weight = out.jacobian, out.weight
@@ -227,25 +188,12 @@ def most_informative(
 ) -> Int64Array:
     """Choose landmarks greedily, each of which increases the log determinant of the pose's information most.
 
-    Parameters
-    ----------
-    view : PinholeView
-        The robot's camera.
-    pose : (3,) float64
-        x, y, theta of the robot.
-    positions_m, covariances, std_px : (N, 3), (N, 3, 3), (N,) float64
-        The landmarks in the field frame, and the noise of their pixels.
-    success : (N,) float64
-        Probability that each is observed, by which its information is multiplied.
-    information : (3, 3) float64
-        Prior information of the pose.
-    count : int
-        Greatest number of landmarks to choose.
+    pose : (3,) x, y, theta of the robot.
+    positions_m, covariances, std_px : (N, 3), (N, 3, 3), (N,): the landmarks, and the noise of their pixels.
+    success : (N,) probability that each is observed, by which its information is multiplied.
+    information : (3, 3) prior information of the pose.
 
-    Returns
-    -------
-    (K,) int64
-        Indices in the order of choice.
+    Returns the indices (K,) of `count` landmarks at most, in the order of choice.
     """
     total = positions_m.shape[0]
     rows = np.zeros((total, 2, 3))

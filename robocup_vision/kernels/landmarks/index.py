@@ -13,18 +13,10 @@ from robocup_vision.kernels.algebra.pinhole import PinholeView, ideal_pixel, poi
 class FloorPlan(NamedTuple):
     """Views of landmarks, sorted by the cell of a floor plan in which they are.
 
-    Parameters
-    ----------
-    positions_m, bearings_rad : (E, 3), (E,) float64
-        Position of each view's landmark, and the line of sight along which it was seen.
-    starts : (C + 1,) int64
-        First view of each cell, in rows of y.
-    columns : (int, int)
-        Number along x and along y.
-    corner_m : (2,) float64
-        Corner of the floor plan.
-    cell_m : float
-        Side of a cell.
+    positions_m, bearings_rad : (E, 3), (E,) float64, each view's landmark, and the line of sight to it.
+    starts : (C + 1,) int64, first view of each cell, in rows of y.
+    columns : number of cells along x and along y.
+    corner_m, cell_m : (2,) float64 corner of the floor plan, and side of a cell.
     """
 
     positions_m: FloatArray
@@ -55,22 +47,10 @@ def views_in_frustum(
 ) -> int:
     """Write the views that are in the image and were seen from a similar direction; return their number.
 
-    Parameters
-    ----------
-    view : PinholeView
-        The robot's camera.
-    size_px : (int, int)
-        Width and height of the image.
-    pose : (3,) float64
-        x, y, theta of the robot.
-    plan : FloorPlan
-        The map's views.
-    reach_m : float
-        Greatest distance.
-    view_reach_rad : float
-        Largest angle between a view's bearing and the line of sight.
-    out : InView
-        Written.
+    size_px : width and height of the image.
+    pose : (3,) x, y, theta of the robot.
+    reach_m : greatest distance.
+    view_reach_rad : largest angle between a view's bearing and the line of sight.
     """
     turn, viewpoint, corner, cell_m = view.robot_to_camera, view.viewpoint_m, plan.corner_m, plan.cell_m
     c, s = math.cos(pose[2]), math.sin(pose[2])

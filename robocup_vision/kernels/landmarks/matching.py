@@ -14,14 +14,7 @@ from robocup_vision.compiling.loops import compiled
 class Described(NamedTuple):
     """Descriptors, pixels and sizes of landmarks or features.
 
-    Parameters
-    ----------
-    descriptors : (N, D) float32
-        Unit vectors.
-    pixels : (N, 2) float64
-        Measured or expected pixels.
-    size_px : (N,) float64
-        Diameter.
+    descriptors, pixels, size_px : (N, D) unit vectors, (N, 2) measured or expected pixels, (N,) diameters.
     """
 
     descriptors: Float32Array
@@ -35,19 +28,11 @@ def best_two(
 ) -> tuple[Int64Array, Float32Array, Float32Array]:
     """Find the nearest and second nearest descriptor of each landmark, in a window around its expected pixel.
 
-    Parameters
-    ----------
-    landmarks, features : Described
-        N landmarks, M features.
-    gate_px : (float, float)
-        Half sizes of the window along u and v.
-    size_ratio : float
-        Greatest ratio of their diameters.
+    gate_px : half sizes of the window along u and v.
+    size_ratio : greatest ratio of their diameters.
 
-    Returns
-    -------
-    (N,) int64, (N,) float32, (N,) float32
-        Index of the nearest, its inner product and that of the second nearest; products are -1 if there is none.
+    Returns (N,) of each landmark: index of the nearest, its inner product and that of the second nearest; products are
+    -1 if there is none.
     """
     first, second = landmarks.descriptors, features.descriptors
     count, length = first.shape[0], first.shape[1]

@@ -19,12 +19,8 @@ COARSE = 32
 class Sectors(NamedTuple):
     """Sectors of J bearings, each of which extends half-way to its neighbours.
 
-    Parameters
-    ----------
-    units : (J, 4) float64
-        Unit vectors (x, y) of the lower and the upper edge.
-    bins : (J, 4) int64
-        Profile bins of the edges, and whether the lower and the upper neighbour follow without a gap.
+    units : (J, 4) float64, unit vectors (x, y) of the lower and the upper edge.
+    bins : (J, 4) int64, profile bins of the edges, and whether the lower and the upper neighbour follow without a gap.
     """
 
     units: FloatArray
@@ -34,14 +30,9 @@ class Sectors(NamedTuple):
 class Profile(NamedTuple):
     """A grown profile: how far the robot's centre may move in each direction.
 
-    Parameters
-    ----------
-    edges : (BINS + 1, 2) float64
-        Unit vectors of the bins' edges.
-    ranges : (BINS,) float64
-        Metres; inf if nothing is ever touched.
-    fine, coarse : (FINE,), (COARSE,) float64
-        Smallest range over each group of bins and its two neighbours.
+    edges : (BINS + 1, 2) float64, unit vectors of the bins' edges.
+    ranges : (BINS,) float64, metres; inf if nothing is ever touched.
+    fine, coarse : (FINE,), (COARSE,) float64, smallest range over each group of bins and its two neighbours.
     """
 
     edges: FloatArray
@@ -106,21 +97,11 @@ def _widen(lows: FloatArray, count: int, out: FloatArray) -> None:
 def grow_profile(range_m: FloatArray, sectors: Sectors, radius_m: float, profile: Profile) -> float:
     """Fill the grown profile: for each bin the least range of the centre at which a disc touches a sector or its end.
 
-    Parameters
-    ----------
-    range_m : (J,) float64
-        Metres; NaN is unseen: its own bins become 0, and nothing grows from it.
-    sectors : Sectors
-        From `measure_sectors`.
-    radius_m : float
-        Radius of the robot.
-    profile : Profile
-        Edges are read, the rest is written.
+    range_m : (J,) metres; NaN is unseen: its own bins become 0, and nothing grows from it.
+    radius_m : radius of the robot.
+    profile : edges are read, the rest is written.
 
-    Returns
-    -------
-    float
-        Smallest range of all.
+    Returns the smallest range of all.
     """
     count = range_m.shape[0]
     ranges = profile.ranges

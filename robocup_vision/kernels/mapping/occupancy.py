@@ -92,18 +92,9 @@ def gather_evidence(
     A cell is hit by a bearing whose ray ends in it, or whose cone contains its middle at that range. It is crossed if
     the cones of all bearings that touch it end beyond its farthest corner.
 
-    Parameters
-    ----------
-    sensor : SensorInGrid
-        Grid and pose of the sensor.
-    profile : ProfileArrays
-        Measurement of the sensor.
-    nearest_m, reach_m : float
-        Ranges between which the sensor measures.
-    discs : (D, 3) float64
-        x, y, radius in the map's frame; cells that touch a disc get no evidence.
-    out : (N, N) int8, written
-        First index along x.
+    nearest_m, reach_m : ranges between which the sensor measures.
+    discs : (D, 3) x, y, radius in the map's frame; cells that touch a disc get no evidence.
+    out : (N, N); written; first index along x.
     """
     corner_x, corner_y, cell_m, x_m, y_m, theta_rad = sensor
     bearing, lower, upper, range_m, depth_m, hit = profile
@@ -216,17 +207,9 @@ def free_ranges(
 ) -> None:
     """Compute the range of each cone to the first cell that touches it and is not free, or to the map's end.
 
-    Parameters
-    ----------
-    sensor : SensorInGrid
-        Grid and pose of the sensor.
-    lower, upper : (J,) float64
-        Edges of each cone, sensor frame, ascending within one turn, radians.
-    nearest_m : float
-        Cells with a point nearer than this are ignored.
-    is_free : (N, N) bool
-    out : (J,) float64, written
-        Metres.
+    lower, upper : (J,) edges of each cone, sensor frame, ascending within one turn, radians.
+    nearest_m : cells with a point nearer than this are ignored.
+    is_free : (N, N); out : (J,); written, metres.
     """
     corner_x, corner_y, cell_m, x_m, y_m, theta_rad = sensor
     count, size = lower.shape[0], is_free.shape[0]

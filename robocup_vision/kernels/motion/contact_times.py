@@ -53,20 +53,12 @@ def contact_times(
     The next sample is as late as the profile's minima nearby certainly allow, at least `step_m` on. The contact is then
     bracketed to a tenth of that from the free side, because a late T_j is a collision.
 
-    Parameters
-    ----------
-    start, acceleration
-        As in `predict_position`. The start is not tested, because a robot in contact may leave.
-    velocities, targets : (2, N) float64
-        Present and commanded velocity, m/s.
-    horizons : (N,) float64
-        Lengths of the trajectories, seconds.
-    step_m : float
-        Sample distance close to an obstacle.
-    profile, smallest
-        From `grow_profile`.
-    out : (N,) float64
-        Seconds; inf: no contact within the horizon.
+    start, acceleration : as in `predict_position`. The start is not tested, because a robot in contact may leave.
+    velocities, targets : (2, N) present and commanded velocity, m/s.
+    horizons : (N,) lengths of the trajectories, seconds.
+    step_m : sample distance close to an obstacle.
+    profile, smallest : from `grow_profile`.
+    out : (N,); written: seconds; inf: no contact within the horizon.
     """
     count = out.shape[0]
     commands = np.empty((COMMAND, count))

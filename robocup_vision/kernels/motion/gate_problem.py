@@ -61,18 +61,11 @@ def search(
 ) -> tuple[float, int]:
     """Return the least expected cost, weighted by mass, and the first action; exact if below `limit`.
 
-    Parameters
-    ----------
-    belief : (H + 1, W) float64, row `depth` read, later rows written
-        Joint masses of the width's cells, ascending.
-    depth, place : int
-        Looks taken so far, of H; present viewpoint.
-    limit : float
-        Cost of an alternative; results not below it need not be exact.
-    problem : GateProblem
-        The problem.
-    counted : (1,) int64, written
-        Incremented by the number of beliefs evaluated: one for each class of measurement at each viewpoint tested.
+    belief : (H + 1, W) joint masses of the width's cells, ascending; row `depth` is read, later rows are written.
+    depth, place : looks taken so far, of H; present viewpoint.
+    limit : cost of an alternative; results not below it need not be exact.
+    counted : (1,) incremented by the number of beliefs evaluated: one for each class of measurement at each viewpoint
+    tested.
 
     If the next look revealed the width, the cost would be move + look + the better of gap and detour for a wide gap, or
     the detour for a narrow one. This is a lower bound of each branch. Viewpoints are tested in its order, and one is

@@ -36,19 +36,11 @@ def moving_contact_time(
 ) -> float:
     """Return the last free time, seconds after `begin`, before the trajectory comes too near to a disc; inf if never.
 
-    Parameters
-    ----------
-    start, velocity, target, acceleration
-        As in `predict_position`.
-    begin : float
-        Seconds from now until the trajectory begins.
-    horizon : float
-        Length of the trajectory, seconds.
-    step_m : float
-        Sample distance at the greatest closing speed.
-    moving : (M, 8) float64
-        For each disc x, y (m) and velocity x, y (m/s) now; the distance to keep between exactly known places; standard
-        deviations of place (m) and velocity (m/s), and the greatest margin for both (m).
+    start, velocity, target, acceleration : as in `predict_position`.
+    begin, horizon : seconds from now until the trajectory begins, and its length.
+    step_m : sample distance at the greatest closing speed.
+    moving : (M, 8) for each disc x, y (m) and velocity x, y (m/s) now; the distance to keep between exactly known
+    places; standard deviations of place (m) and velocity (m/s), and the greatest margin for both (m).
 
     A robot that is too near at the beginning may leave, but must not come nearer.
     """

@@ -221,18 +221,9 @@ def min_clearance(
 ) -> tuple[float, int]:
     """Return the least clearance, metres, to a disc at this speed, and the index of that disc (-1 without discs).
 
-    Parameters
-    ----------
-    path : (P, 2) float64
-        The path, m.
-    start : Start
-        Estimated state of the robot.
-    way : Following
-        Parameters of path following.
-    discs : (M, 6) float64
-        x, y, sum of the radii of disc and robot, and the covariance (xx, xy, yy) of the centre.
-    sigmas : float
-        Number of standard deviations of the errors to keep clear of.
+    path : (P, 2) m.
+    discs : (M, 6) x, y, sum of the radii of disc and robot, and the covariance (xx, xy, yy) of the centre.
+    sigmas : number of standard deviations of the errors to keep clear of.
 
     Stops at the first negative clearance. Until the next look the robot relies on odometry: the motion is simulated
     from its estimated place, followed by a stop, and each disc must be `sigmas` standard deviations of the error away.

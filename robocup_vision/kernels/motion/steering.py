@@ -29,13 +29,9 @@ class Motion(NamedTuple):
 class Target(NamedTuple):
     """Target of the motion.
 
-    Parameters
-    ----------
-    bearing, distance : float
-        Radians; metres, inf if unknown or if the target is not in that direction.
-    turn : float
-        In `steer` the detour, radians to the left of the target's bearing; in `choose_direction` the preferred side,
-        -1, 0 or 1.
+    bearing, distance : radians; metres, inf if unknown or if the target is not in that direction.
+    turn : in `steer` the detour, radians to the left of the target's bearing; in `choose_direction` the preferred side,
+    -1, 0 or 1.
     """
 
     bearing: float
@@ -46,18 +42,11 @@ class Target(NamedTuple):
 class Rules(NamedTuple):
     """The robot's limits and the settings of steering, see `SteeringSettings`.
 
-    Parameters
-    ----------
-    speed, acceleration, dead_time : float
-        m/s, m/s^2, s.
-    period, threshold, step_m : float
-        Interval of commands, s; the paper's T_th, derived if negative; sample distance.
-    levels : int
-        Number of speeds that are tested, each half of the one before.
-    use_velocity : bool
-        If false, the present velocity is assumed to equal the tested one.
-    away_rad, other_side_rad, max_detour_rad : float
-        Bounds of detours.
+    speed, acceleration, dead_time : m/s, m/s^2, s.
+    period, threshold, step_m : interval of commands, s; the paper's T_th, derived if negative; sample distance.
+    levels : number of speeds that are tested, each half of the one before.
+    use_velocity : if false, the present velocity is assumed to equal the tested one.
+    away_rad, other_side_rad, max_detour_rad : bounds of detours.
     """
 
     speed: float
@@ -76,12 +65,8 @@ class Rules(NamedTuple):
 class Directions(NamedTuple):
     """Directions that are tested.
 
-    Parameters
-    ----------
-    angles, units : (J,), (J, 2) float64
-        Radians, within [0, 2 pi), and unit vectors.
-    time_to_contact : (J,) float64, written
-        T_j at the top speed.
+    angles, units : (J,), (J, 2) float64, radians, within [0, 2 pi), and unit vectors.
+    time_to_contact : (J,) float64; written: T_j at the top speed.
     """
 
     angles: FloatArray
@@ -92,14 +77,9 @@ class Directions(NamedTuple):
 class Scan(NamedTuple):
     """Free ranges of a view.
 
-    Parameters
-    ----------
-    bearing, range_m : (J,) float64
-        Radians; metres.
-    known_bearing : (J,) float64, written
-        Bearings to which `sectors` belongs.
-    sectors : Sectors
-        Written if the bearings have changed.
+    bearing, range_m : (J,) float64, radians; metres.
+    known_bearing : (J,) float64; written: bearings to which `sectors` belongs.
+    sectors : written if the bearings have changed.
     """
 
     bearing: FloatArray
@@ -141,16 +121,9 @@ def _coast(motion: Motion, rules: Rules, profile: Profile, smallest: float, movi
 class Commands(NamedTuple):
     """Velocities to test and their contacts; the columns beyond the tested number are not used.
 
-    Parameters
-    ----------
-    direction : (J,) int64
-        Index of the direction of each.
-    velocities : (2, J) float64
-        m/s.
-    times, needed : (J,) float64, written
-        Time of the first contact, and the least time of a safe one; seconds from now.
-    meets : (J,) float64, written
-        Time of contact with a moving disc, seconds from the end of the dead time.
+    direction, velocities : (J,) int64, index of the direction of each; (2, J) float64, m/s.
+    times, needed : (J,) float64; written: time of the first contact, and least time of a safe one, seconds from now.
+    meets : (J,) float64; written: time of contact with a moving disc, seconds from the end of the dead time.
     """
 
     direction: Int64Array
@@ -267,31 +240,13 @@ def choose_direction(
 ) -> Outcome:
     """Predict every direction (paper's Steps 3 and 4) and choose one (Step 5); see `Steering` for the rule.
 
-    Parameters
-    ----------
-    motion : Motion
-        Motion of the robot.
-    wanted : Target
-        Wanted bearing, distance and preferred side.
-    rules : Rules
-        Limits and settings.
-    directions : Directions
-        Directions to test; their times to contact are written.
-    profile, smallest
-        From `grow_profile`.
-    moving : (M, 8) float64
-        As in `moving_contact_time`.
+    directions : their times to contact are written.
+    profile, smallest : from `grow_profile`.
+    moving : (M, 8) as in `moving_contact_time`.
 
-    Returns
-    -------
-    outcome : int
-        0 a safe direction, 1 brake, 2 the command with the latest contact, if even braking touches.
-    index : int
-        The direction; -1 for braking.
-    speed : float
-        m/s.
-    turned : float
-        Angle from the wanted bearing to the direction, radians to the left, within [-pi, pi).
+    Returns the outcome (0 a safe direction, 1 brake, 2 the command with the latest contact, if even braking touches),
+    the index of the direction (-1 for braking), the speed, m/s, and the angle from the wanted bearing to the direction,
+    radians to the left, within [-pi, pi).
     """
     speed = rules.speed
     count = directions.angles.shape[0]

@@ -71,20 +71,10 @@ def mark_view(
 ) -> None:
     """Mark the cells of a view: free up to each direction's range, blocked over a strip beyond it, others unchanged.
 
-    Parameters
-    ----------
-    state : (N, N) uint8, changed
-        UNSEEN, FREE or BLOCKED; rows along y, columns along x.
-    seen_from : (N, N) float32, changed
-        Distance from which each cell was measured, cells.
-    view : RangesInGrid
-        The free ranges, and the robot.
-    least, reach : float
-        Least value of `seen_from`, and distance from the robot up to which cells are marked, cells.
-    thickness : float
-        Thickness of the blocked strip, cells.
-    rules : MarkRules
-        Rules of marking.
+    state : (N, N); changed: UNSEEN, FREE or BLOCKED; rows along y, columns along x.
+    seen_from : (N, N); changed: distance from which each cell was measured, cells.
+    least, reach : least value of `seen_from`, and distance from the robot up to which cells are marked, cells.
+    thickness : of the blocked strip, cells.
     """
     robot_x, robot_y, robot_theta, bearing, range_cells = view
     size = state.shape[0]
@@ -149,17 +139,11 @@ def price_cells(
 ) -> None:
     """Compute the price of every cell for a disc: 1 on open floor, more near blocked cells and where it does not fit.
 
-    Parameters
-    ----------
-    away_any, away_sure : (N, N) float32
-        Distance of each cell from the nearest blocked one, and from the nearest one that is certainly blocked, cells.
-    tried : (N, N) float32, changed
-        Recent number of tries to reach each cell; fades.
-    radius, spare, soft : float
-        Radius of the disc; additional width of a certain gap on each side; width of the priced margin, cells.
-    rules : PriceRules
-        The prices.
-    price : (N, N) float32, written
+    away_any, away_sure : (N, N) distance of each cell from the nearest blocked one, and from the nearest one that is
+    certainly blocked, cells.
+    tried : (N, N); changed: recent number of tries to reach each cell; fades.
+    radius, spare, soft : radius of the disc; additional width of a certain gap on each side; width of the priced
+    margin, cells.
     """
     size = price.shape[0]
     wide = radius + spare
@@ -230,16 +214,9 @@ def _drop_least(keys: FloatArray, cells: Int32Array, count: int) -> int:
 def find_way(price: Float32Array, start: int, target: int, come_from: Int32Array, cost: Float32Array) -> None:
     """Find the cheapest way between two cells by A*; `come_from` leads back from the target.
 
-    Parameters
-    ----------
-    price : (N, N) float32
-        Price of crossing each cell, at least 1; steps lead to the eight neighbours.
-    start, target : int
-        Flat indices.
-    come_from : (N * N,) int32, written
-        Predecessor of each cell on its way from the start.
-    cost : (N * N,) float32, written
-        Cost of the way from the start.
+    price : (N, N) price of crossing each cell, at least 1; steps lead to the eight neighbours.
+    start, target : flat indices.
+    come_from, cost : (N * N,); written: predecessor of each cell on its way from the start, and cost of that way.
     """
     size = price.shape[0]
     flat = price.ravel()

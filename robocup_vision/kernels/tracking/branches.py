@@ -82,23 +82,7 @@ def predict_and_split(
 ) -> BranchArrays:
     """Return one branch without a detection for each of the last frame, and one for each detection in its gate.
 
-    Parameters
-    ----------
-    before : BranchArrays
-        L branches, tree by tree.
-    motion : MotionModel
-        Motion from the last frame to this.
-    detected : Detected
-        M detections of this frame.
-    eye : Eye
-        Viewpoint of the occlusions.
-    model : DetectionModel
-        Parameters of the detection.
-
-    Returns
-    -------
-    BranchArrays
-        Tree by tree; within each first the missed ones, then those with a detection.
+    Branches come tree by tree; within each first the missed ones, then those with a detection.
     """
     count = before.tree.shape[0]
     mean, covariance, odds = before.mean.copy(), before.covariance.copy(), before.odds.copy()

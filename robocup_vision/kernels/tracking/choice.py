@@ -18,20 +18,12 @@ def choose_together(tree: Int64Array, evidence: FloatArray, history: Int64Array,
     Groups of trees without common detections are independent. Within a group a depth-first search with bounds tests all
     choices, the greedy one first.
 
-    Parameters
-    ----------
-    tree : (L,) int64
-        Tree of each branch; the branches of a tree are adjacent.
-    evidence : (L,) float64
-        Log-likelihood ratio of each branch.
-    history : (L, H) int64
-        Detection numbers of each branch, `MISS` without a detection.
-    max_steps : int
-        Greatest number of steps of a search, after which the best choice so far is taken.
+    tree : (L,) tree of each branch; the branches of a tree are adjacent.
+    evidence : (L,) log-likelihood ratio of each branch.
+    history : (L, H) detection numbers of each branch, `MISS` without a detection.
+    max_steps : greatest number of steps of a search, after which the best choice so far is taken.
 
-    Returns
-    -------
-    (L,) bool
+    Returns whether each branch is chosen, (L,) bool.
     """
     chosen = np.zeros(tree.shape[0], dtype=np.bool_)
     options, start = _by_evidence(tree, evidence)

@@ -14,7 +14,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
-from robocup_vision.checks import require_positive
+from robocup_vision.checks import as_positive, require_positive
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import path_following as kernel
@@ -142,16 +142,14 @@ class PassageTimes:
         opponent_radius_m: float,
         opponent_sigma_m: float,
     ) -> None:
-        for name, value in (("opponent_radius_m", opponent_radius_m), ("opponent_sigma_m", opponent_sigma_m)):
-            if not (math.isfinite(value) and value > 0.0):
-                raise ArgumentError(f"{name} must be positive, got {value!r}")
         self.planner = planner
         # the standard normal distribution in cells of equal width
         edges = np.linspace(-_SPREAD_SIGMAS, _SPREAD_SIGMAS, _CELLS + 1)
         self._at_sigmas = 0.5 * (edges[1:] + edges[:-1])
         mass = np.diff(normal_below(edges))
         self._probability = mass / mass.sum()
-        self._opponent = float(opponent_radius_m), float(opponent_sigma_m)
+        self._radius_m = as_positive("opponent_radius_m", opponent_radius_m)
+        self._sigma_m = as_positive("opponent_sigma_m", opponent_sigma_m)
         widths = np.linspace(_MIN_WIDTH, _MAX_WIDTH, _WIDTHS) * 2 * planner.robot_radius_m
         open_s = self._drive_s(None)
         extra = np.array([self._drive_s(width) - open_s for width in widths.tolist()])
@@ -190,9 +188,9 @@ class PassageTimes:
 
     def _drive_s(self, width_m: float | None) -> float:
         """Return the seconds of a drive without errors, at speeds that allow for them; inf if it is not finished."""
-        planner, (radius, sigma) = self.planner, self._opponent
+        planner, radius = self.planner, self._radius_m
         path = np.array([[-_WAY_M, 0.0], [_WAY_M, 0.0]])
-        spread = sigma**2 * np.eye(2)
+        spread = self._sigma_m**2 * np.eye(2)
         discs = [] if width_m is None else [Disc(0.0, s * (0.5 * width_m + radius), radius, spread) for s in (-1, 1)]
         limits = planner.follower.limits
         every = max(1, round(planner.look_period_s / planner.period_s))

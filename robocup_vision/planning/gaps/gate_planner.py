@@ -15,7 +15,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
-from robocup_vision.checks import require_at_least, require_not_negative, require_positive
+from robocup_vision.checks import as_positive, require_at_least, require_not_negative, require_positive
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.kernels.motion import gate_problem
 from robocup_vision.motion_limits import MotionLimits
@@ -110,10 +110,8 @@ class GatePlanner:
         needed_m: float,
         settings: GatePlannerSettings = GatePlannerSettings(),
     ) -> None:
-        if not (math.isfinite(needed_m) and needed_m > 0.0):
-            raise ArgumentError(f"needed_m must be positive, got {needed_m!r}")
         self._limits, self._sensor, self._settings = limits, sensor, settings
-        self._needed_m = float(needed_m)
+        self._needed_m = as_positive("needed_m", needed_m)
         prepare("planning")
 
     def plan(

@@ -21,7 +21,7 @@ from robocup_vision.belief import Hypothesis
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.geometry import Pose2, turned_covariance, wrap_angle
 from robocup_vision.perception.goal_region import is_chromatic
 from robocup_vision.planning.gaze.goal_evidence import (
     CORNERS,
@@ -257,6 +257,5 @@ def _probabilities(hypotheses: Sequence[Hypothesis]) -> FloatArray:
 
 def _turned(blocker: Disc, turn: Pose2) -> Disc:
     x, y = turn.transform((blocker.x_m, blocker.y_m)).tolist()
-    c, s = math.cos(turn.theta_rad), math.sin(turn.theta_rad)
-    rotation = np.array([[c, -s], [s, c]])
-    return Disc(x, y, blocker.radius_m, rotation @ blocker.covariance @ rotation.T, height_m=blocker.height_m)
+    covariance = turned_covariance(blocker.covariance, turn.theta_rad)
+    return Disc(x, y, blocker.radius_m, covariance, height_m=blocker.height_m)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import BoolArray, FloatArray, read_only
+from robocup_vision.checks import as_positive
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.kernels.motion.way_grid import find_way
 
@@ -65,14 +66,9 @@ class SelectiveLook:
         half_view_rad: float,
     ) -> None:
         prepare("steering")
-        for name, value in (
-            ("cell_m", cell_m),
-            ("robot_radius_m", robot_radius_m),
-            ("half_view_rad", half_view_rad),
-        ):
-            if not 0 < value < math.inf:
-                raise ArgumentError(f"{name} must be positive, got {value}")
-        self._cell_m, self._radius_m, self._half_view_rad = cell_m, robot_radius_m, half_view_rad
+        self._cell_m = as_positive("cell_m", cell_m)
+        self._radius_m = as_positive("robot_radius_m", robot_radius_m)
+        self._half_view_rad = as_positive("half_view_rad", half_view_rad)
         # what was looked at, and from where
         self._looks: list[tuple[tuple[float, float], tuple[float, float]]] = []
         self._path_m: FloatArray | None = None

@@ -15,7 +15,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
-from robocup_vision.checks import require_positive
+from robocup_vision.checks import as_positive, require_positive
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import wrap_angle
 from robocup_vision.motion_limits import MotionLimits
@@ -51,8 +51,7 @@ def cover_goal(ball: Point, posts_m: tuple[Point, Point], reach_m: float, room_m
     ArgumentError
         If `reach_m` is not positive or `room_m` is negative.
     """
-    if not (math.isfinite(reach_m) and reach_m > 0.0):
-        raise ArgumentError(f"reach_m must be positive, got {reach_m!r}")
+    as_positive("reach_m", reach_m)
     if not (math.isfinite(room_m) and room_m >= 0.0):
         raise ArgumentError(f"room_m must not be negative, got {room_m!r}")
     first, second = (math.atan2(post[1] - ball[1], post[0] - ball[0]) for post in posts_m)

@@ -14,7 +14,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
-from robocup_vision.checks import require_not_negative, require_positive
+from robocup_vision.checks import as_positive, require_not_negative
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
@@ -33,11 +33,8 @@ class PathFollower:
     """
 
     def __init__(self, limits: MotionLimits, *, ahead_s: float = 0.25, ahead_m: float = 0.12) -> None:
-        for name, value in (("ahead_s", ahead_s), ("ahead_m", ahead_m)):
-            if not (math.isfinite(value) and value > 0.0):
-                raise ArgumentError(f"{name} must be positive, got {value!r}")
         self.limits = limits
-        self._ahead_s, self._ahead_m = float(ahead_s), float(ahead_m)
+        self._ahead_s, self._ahead_m = as_positive("ahead_s", ahead_s), as_positive("ahead_m", ahead_m)
         prepare("planning")
 
     def ahead(self, speed_mps: float) -> float:
@@ -127,9 +124,9 @@ class SpeedPlanner:
         period_s: float = 1 / 30,
     ) -> None:
         self.follower, self.noise = follower, noise
-        self.robot_radius_m, self.look_period_s = float(robot_radius_m), float(look_period_s)
-        self.period_s = float(period_s)
-        require_positive(self, "robot_radius_m", "look_period_s", "period_s")
+        self.robot_radius_m = as_positive("robot_radius_m", robot_radius_m)
+        self.look_period_s = as_positive("look_period_s", look_period_s)
+        self.period_s = as_positive("period_s", period_s)
         top = follower.limits.speed_mps
         self._speeds = [top * _SLOWER_RATIO**k for k in range(_SPEEDS)]
 

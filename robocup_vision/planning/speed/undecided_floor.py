@@ -14,7 +14,7 @@ import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Int16Array
-from robocup_vision.checks import require_positive
+from robocup_vision.checks import as_positive, require_positive
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.planning.gaps.gap_choice import Point
 from robocup_vision.planning.speed.speed_planner import SpeedPlan, checked_path
@@ -94,11 +94,9 @@ class UndecidedSpeed:
     """
 
     def __init__(self, limits: MotionLimits, robot_radius_m: float, look_period_s: float) -> None:
-        for name, value in (("robot_radius_m", robot_radius_m), ("look_period_s", look_period_s)):
-            if not (math.isfinite(value) and value > 0.0):
-                raise ArgumentError(f"{name} must be positive, got {value!r}")
         self._limits = limits
-        self._radius_m, self._look_period_s = float(robot_radius_m), float(look_period_s)
+        self._radius_m = as_positive("robot_radius_m", robot_radius_m)
+        self._look_period_s = as_positive("look_period_s", look_period_s)
 
     def plan(self, path_m: FloatArray, floor: UndecidedFloor) -> SpeedPlan:
         """Return the largest speed at which all cells on the way are decided in time.
