@@ -40,61 +40,42 @@ _REASONS = (
 class SteeringSettings:
     """How `Steering` chooses commands.
 
-    Parameters
-    ----------
-    time_threshold_s : float, optional
-        The paper's T_th, one for all directions. None derives it per direction: a command is safe when it can be
-        carried out to its end and the robot can then still stop. The end is reached after ``|dv_j|`` / alpha, the
-        stopping distance v^2 / (2 alpha) takes v / (2 alpha) at speed v, and the next decision comes a period and again
-        a dead time later: T_j >= 2 dead_time + period + ``|dv_j|`` / alpha + v / (2 alpha). Then the command given now
-        stays safe until it is reached, and braking is safe after that, so that a standing world is never touched. (The
-        paper's 2.75 s is the time 2 v / alpha of a full reversal plus the dead time.)
-    directions : int
-        Number J of directions that are tried. 48: 7.5 degrees, as in the paper.
-    period_s : float
-        Time between two commands.
-    step_m : float
-        Largest distance by which the robot moves between two samples of a trajectory close to an obstacle.
-    use_velocity : bool
-        False: the paper's comparison, which takes the present velocity to be the commanded one (v_a = v_b).
-    keep_side : bool
-        Remember the detour: by how much, and to which side, obstacles have turned the robot from the target's bearing.
-        Two equally good ways round then do not make it waver between them, and pockets do not hold it. `forget` drops
-        the memory. False where a `Wayfinder`, which remembers more than one view, gives the direction.
-    stop_ratio : float
-        The slowest of the speeds tried is one from which the robot stops within this ratio of its radius: any gap that
-        it fits through can then be entered.
-    away_rad : float
-        A larger detour leads away from the target: the robot then goes no faster than it can turn in its own length.
-    other_side_rad : float
-        The side of a detour changes only where the other side is nearer by more than this, so that it does not waver.
-    max_detour_rad : float
-        A larger detour to one side counts as one to the other side: else the walls of a field lead round and round.
-    obstacle_sigmas, max_margin_m : float
-        Standard deviations that are kept clear of a moving obstacle, and how far at most: beyond that there would be no
-        way round it.
-    return_margin_m : float
-        A range that ends so near to a moving obstacle's rim is one of its returns.
-
     Raises
     ------
     ArgumentError
         A value is out of its range.
     """
 
+    #: The paper's T_th, one for all directions. None derives it per direction: a command is safe when it can be carried
+    #: out to its end and the robot can then still stop. The end is reached after ``|dv_j|`` / alpha, the stopping
+    #: distance v^2 / (2 alpha) takes v / (2 alpha) at speed v, and the next decision comes a period and again a dead
+    #: time later: T_j >= 2 dead_time + period + ``|dv_j|`` / alpha + v / (2 alpha). Then the command given now stays
+    #: safe until it is reached, and braking is safe after that, so that a standing world is never touched. (The paper's
+    #: 2.75 s is the time 2 v / alpha of a full reversal plus the dead time.)
     time_threshold_s: float | None = None
-    directions: int = 48
-    period_s: float = 1 / 30
-    step_m: float = 0.004
+    directions: int = 48  #: number J of directions that are tried: 7.5 degrees apart, as in the paper
+    period_s: float = 1 / 30  #: time between two commands
+    step_m: float = 0.004  #: largest way of the robot between two samples of a trajectory close to an obstacle
+    #: False: the paper's comparison, which takes the present velocity to be the commanded one (v_a = v_b)
     use_velocity: bool = True
+    #: Remember the detour: by how much, and to which side, obstacles have turned the robot from the target's bearing.
+    #: Two equally good ways round then do not make it waver between them, and pockets do not hold it. `forget` drops
+    #: the memory. False where a `Wayfinder`, which remembers more than one view, gives the direction.
     keep_side: bool = True
+    #: the slowest of the speeds tried is one from which the robot stops within this ratio of its radius: any gap that
+    #: it fits through can then be entered
     stop_ratio: float = 0.25
+    #: a larger detour leads away from the target: the robot then goes no faster than it can turn in its own length
     away_rad: float = math.pi / 3.0
+    #: the side of a detour changes only where the other side is nearer by more than this, so that it does not waver
     other_side_rad: float = 0.25 * math.pi
+    #: a larger detour to one side counts as one to the other side: else the walls of a field lead round and round
     max_detour_rad: float = 1.25 * math.pi
+    #: standard deviations that are kept clear of a moving obstacle, and how far at most: beyond that there would be no
+    #: way round it
     obstacle_sigmas: float = 1.0
     max_margin_m: float = 0.05
-    return_margin_m: float = 0.05
+    return_margin_m: float = 0.05  #: a range that ends so near to a moving obstacle's rim is one of its returns
 
     def __post_init__(self) -> None:
         require_at_least(
@@ -133,7 +114,10 @@ def moving_table(
 
 
 def ranges_past(
-    bearing_rad: FloatArray, range_m: FloatArray, moving: Sequence[Disc], margin_m: float = 0.05
+    bearing_rad: FloatArray,
+    range_m: FloatArray,
+    moving: Sequence[Disc],
+    settings: SteeringSettings = SteeringSettings(),
 ) -> FloatArray:
     """Return free ranges (J,) without the returns of moving obstacles: there the smaller range beside each counts.
 
@@ -141,13 +125,13 @@ def ranges_past(
     ----------
     bearing_rad, range_m : (J,) float64
         Directions, ascending, and free ranges; robot frame.
-    margin_m : float
-        A range that ends so near to a disc's rim is one of its returns.
+    settings : SteeringSettings, optional
+        How near to a disc's rim a range must end to be one of its returns.
     """
     own = np.zeros(len(bearing_rad), dtype=bool)
     half = 0.5 * float(np.median(np.diff(bearing_rad)))
     for o in moving:
-        distance, reach = math.hypot(o.x_m, o.y_m), o.radius_m + margin_m
+        distance, reach = math.hypot(o.x_m, o.y_m), o.radius_m + settings.return_margin_m
         width = math.asin(min(reach / distance, 1.0)) if distance > 0 else math.pi
         off = np.abs(np.remainder(bearing_rad - math.atan2(o.y_m, o.x_m) + math.pi, math.tau) - math.pi)
         own |= (off <= width + half) & (np.abs(range_m - distance) <= reach)
@@ -171,6 +155,26 @@ class FreeRanges(Protocol):
     @property
     def range_m(self) -> FloatArray:
         """(J,) float64, metres from the robot's centre to the first thing that is not floor."""
+
+
+def bearings_and_ranges(free_space: FreeRanges, least: int) -> tuple[FloatArray, FloatArray]:
+    """Return copies of the bearings (J,), radians, and the ranges (J,), metres, of a free space.
+
+    Raises
+    ------
+    ArgumentError
+        It is no free space, or its sizes differ, or it has fewer bearings than `least`.
+    """
+    if not hasattr(free_space, "bearing_rad"):
+        hint = "view.free_space" if hasattr(free_space, "free_space") else "bearing_rad and range_m"
+        raise ArgumentError(f"free_space must be the free space of a view, {hint}, got {type(free_space).__name__}")
+    bearing, range_m = (np.array(of, dtype=np.float64) for of in (free_space.bearing_rad, free_space.range_m))
+    if bearing.ndim != 1 or range_m.shape != bearing.shape or len(bearing) < least:
+        raise ArgumentError(
+            f"free space needs (J,) bearings and ranges, J at least {least},"
+            f" got bearing_rad {bearing.shape} and range_m {range_m.shape}"
+        )
+    return bearing, range_m
 
 
 @dataclass(frozen=True, slots=True)
@@ -348,15 +352,7 @@ class Steering:
             Shapes do not fit, velocities, target bearing or target distance are not finite, the bearing is more than a
             turn, or a velocity over 100 m/s.
         """
-        if not hasattr(free_space, "bearing_rad"):
-            raise ArgumentError(_not_free(free_space))
-        bearing = np.array(free_space.bearing_rad, dtype=np.float64)
-        range_m = np.array(free_space.range_m, dtype=np.float64)
-        if bearing.ndim != 1 or range_m.shape != bearing.shape or bearing.shape[0] < 3:
-            raise ArgumentError(
-                "free space needs (J,) bearings and ranges, J at least 3,"
-                f" got bearing_rad {bearing.shape} and range_m {range_m.shape}"
-            )
+        bearing, range_m = bearings_and_ranges(free_space, 3)
         velocity = _pair("velocity_mps", velocity_mps)
         pending = velocity if pending_mps is None else _pair("pending_mps", pending_mps)
         target_bearing_rad = as_angle("target_bearing_rad", target_bearing_rad)
@@ -377,7 +373,7 @@ class Steering:
             if not self._rules.use_velocity:
                 moving = ()
         if moving:
-            range_m = ranges_past(bearing, range_m, moving, self.settings.return_margin_m)
+            range_m = ranges_past(bearing, range_m, moving, self.settings)
             table = moving_table(moving, self._radius_m, self.settings)
         time_to_contact = np.empty(self._directions.shape[0])
         outcome, index, speed, detour = kernel.steer(
@@ -417,11 +413,6 @@ class Steering:
         # NaN equals nothing, so the kernel measures the sectors at the first call.
         self._known_bearing = np.full(bearings, np.nan)
         self._sectors = plain(grown_profile.Sectors(np.empty((bearings, 4)), np.empty((bearings, 4), dtype=np.int64)))
-
-
-def _not_free(value: object) -> str:
-    hint = "steer(view.free_space, ...)" if hasattr(value, "free_space") else "bearing_rad and range_m"
-    return f"free_space must be the free space of a view, {hint}, got {type(value).__name__}"
 
 
 def _number(name: str, value: object) -> float:

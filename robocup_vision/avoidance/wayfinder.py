@@ -17,7 +17,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from robocup_vision.arguments import as_angle, as_number, as_pose
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
-from robocup_vision.avoidance.steering import FreeRanges
+from robocup_vision.avoidance.steering import FreeRanges, bearings_and_ranges
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import way_grid
@@ -146,15 +146,7 @@ class Wayfinder:
             There are fewer than two bearings, or as many ranges not.
         """
         motion = as_pose("motion", motion)
-        if not hasattr(free_space, "bearing_rad"):
-            raise ArgumentError(f"free_space must be the free space of a view, got {type(free_space).__name__}")
-        bearing = np.array(free_space.bearing_rad, dtype=np.float64)
-        range_cells = np.array(free_space.range_m, dtype=np.float64) / self._cell_m
-        if bearing.ndim != 1 or len(bearing) < 2 or range_cells.shape != bearing.shape:
-            raise ArgumentError(
-                "free space needs (J,) bearings and ranges, J at least 2,"
-                f" got bearing_rad {bearing.shape} and range_m {range_cells.shape}"
-            )
+        bearing, range_m = bearings_and_ranges(free_space, 2)
         c, s = math.cos(self._theta), math.sin(self._theta)
         self._x += (c * motion.x_m - s * motion.y_m) / self._cell_m
         self._y += (s * motion.x_m + c * motion.y_m) / self._cell_m
@@ -162,7 +154,7 @@ class Wayfinder:
         if self._views % _EVERY == 0:
             self._keep_inside()
             self._reach = _RADIUS_CELLS / float(bearing[1] - bearing[0])
-            view = way_grid.RangesInGrid(self._x, self._y, self._theta, bearing, range_cells)
+            view = way_grid.RangesInGrid(self._x, self._y, self._theta, bearing, range_m / self._cell_m)
             way_grid.mark_view(
                 self._state, self._seen_from, view, _RADIUS_CELLS, self._reach, _STRIP_CELLS, _MARK_RULES
             )

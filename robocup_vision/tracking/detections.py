@@ -21,6 +21,9 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2, turned_covariance
 from robocup_vision.perception.obstacles import Obstacle, join_places
 
+# a return counts as inside when it is farther from the border than this many standard deviations of its position
+_INSIDE_SIGMAS = 3.0
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detection:
@@ -102,8 +105,6 @@ class ReturnDetector:
     #: that.
     range_std: tuple[float, float] = (0.01, 0.02)
     longest_m: float = math.inf  #: returns farther away are left out
-    #: a return counts as inside when it is farther from the border than this many standard deviations of its position
-    inside_sigmas: float = 3.0
 
     def __post_init__(self) -> None:
         if not self.radius_m > 0:
@@ -168,7 +169,7 @@ class ReturnDetector:
             place = float(np.linalg.eigvalsh(robot_covariance[:2, :2])[-1])
             variance = variance + place + reach**2 * float(robot_covariance[2, 2])
         depth = self.known_free.depth_m(robot.transform(points_m))
-        return np.asarray(depth > self.inside_sigmas * np.sqrt(variance))
+        return np.asarray(depth > _INSIDE_SIGMAS * np.sqrt(variance))
 
     def _detections(self, returns: Sequence[Obstacle]) -> tuple[Detection, ...]:
         found = []

@@ -74,25 +74,23 @@ class DraftMap:
         per_px : (N,) float64
             Metres a pixel at each landmark.
         """
-        new: list[int] = []
-        for k, key in enumerate(zip(landmarks.tolist(), directions.tolist(), strict=True)):
-            row = self._row.get(key)
-            if row is None:
-                self._row[key] = len(self.view_landmark) + len(new)
-                new.append(k)
-                continue
-            self.view_descriptors[row] = features.descriptors[k]
-            self.view_contrast[row] = features.contrast[k]
-            self.view_size_m[row] = features.size_px[k] * per_px[k]
-            self.view_spacing_m[row] = features.spacing_px[k] * per_px[k]
-        self.view_landmark = np.append(self.view_landmark, landmarks[new])
-        self.view_direction = np.append(self.view_direction, directions[new])
-        if not len(self.view_descriptors):
-            self.view_descriptors = features.descriptors[:0]
-        self.view_descriptors = np.concatenate([self.view_descriptors, features.descriptors[new]])
-        self.view_contrast = np.append(self.view_contrast, features.contrast[new])
-        self.view_size_m = np.append(self.view_size_m, features.size_px[new] * per_px[new])
-        self.view_spacing_m = np.append(self.view_spacing_m, features.spacing_px[new] * per_px[new])
+        keys = zip(landmarks.tolist(), directions.tolist(), strict=True)
+        rows = np.array([self._row.setdefault(key, len(self._row)) for key in keys], dtype=np.int64)
+        noted = {
+            "view_landmark": landmarks,
+            "view_direction": directions,
+            "view_descriptors": features.descriptors,
+            "view_contrast": features.contrast,
+            "view_size_m": features.size_px * per_px,
+            "view_spacing_m": features.spacing_px * per_px,
+        }
+        for name, values in noted.items():
+            before = getattr(self, name)
+            after = np.empty((len(self._row), *values.shape[1:]), dtype=values.dtype)
+            if len(before):
+                after[: len(before)] = before
+            after[rows] = values
+            setattr(self, name, after)
 
     def note_observations(self, landmarks: Int64Array, points: StereoPoints, frame: int) -> None:
         """Note that a frame saw landmarks (N,) as N stereo points."""

@@ -59,7 +59,7 @@ def refine(
     observations: Observations,
     fixed: BoolArray,
     *,
-    iterations: int = 5,
+    iterations: int,
 ) -> Refined:
     """Adjust poses and landmarks.
 

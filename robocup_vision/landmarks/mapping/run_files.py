@@ -29,6 +29,7 @@ from robocup_vision.files.images import IMAGE_SUFFIXES, read_image
 from robocup_vision.geometry import Pose2
 
 CAMERAS = ("right", "left", "top")
+_BASELINE_M = 0.0996
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class TrinocularRig:
     """Three equal cameras in an L: the right one is the reference, one is to its left and one above it."""
 
     right: PinholeCamera  #: the reference, as mounted on the robot; its tilt must be known
-    baseline_m: float = 0.0996  #: from it to each of the others, along its own image axes
+    baseline_m: float = _BASELINE_M  #: from it to each of the others, along its own image axes
 
     def __post_init__(self) -> None:
         if not self.baseline_m > 0:
@@ -63,7 +64,7 @@ class _RunFile(StrictStruct):
     format: Literal[1]
     camera: str
     start: tuple[float, float, float]
-    baseline_m: Annotated[float, msgspec.Meta(gt=0)] = 0.0996
+    baseline_m: Annotated[float, msgspec.Meta(gt=0)] = _BASELINE_M
     frames: str | None = None
 
 

@@ -195,13 +195,11 @@ class PassageTimes:
         limits = planner.follower.limits
         every = max(1, round(planner.look_period_s / planner.period_s))
         look = np.asarray(planner.noise.look_covariance)
-        covariance = look
         place, velocity, asked = (-_WAY_M, 0.0), (0.0, 0.0), (0.0, 0.0)
-        seen, speed = place, 0.0
+        covariance, seen, speed = look, place, 0.0
         for step in range(int(_MAX_S / planner.period_s)):
             if step % every == 0:
-                covariance = look
-                seen = place
+                covariance, seen = look, place
             if step % _PLAN_EVERY == 0 or step % every == 0:
                 left_s = (every - step % every) * planner.period_s
                 speed = planner.plan(

@@ -33,15 +33,8 @@ def steering():
 
 
 def test_the_table_adds_the_radii():
-    uncertain = Disc(
-        1.0,
-        2.0,
-        0.1,
-        np.diag([0.01, 0.004]) ** 2,
-        vx_mps=0.3,
-        vy_mps=0.4,
-        velocity_covariance=np.diag([0.01, 0.02]) ** 2,
-    )
+    doubt, of_velocity = np.diag([0.01, 0.004]) ** 2, np.diag([0.01, 0.02]) ** 2
+    uncertain = Disc(1.0, 2.0, 0.1, doubt, vx_mps=0.3, vy_mps=0.4, velocity_covariance=of_velocity)
     table = moving_table([uncertain], 0.09)
     assert table.shape == (1, 8)
     np.testing.assert_allclose(table[0, :7], [1.0, 2.0, 0.3, 0.4, 0.19, 0.01, 0.02])
@@ -68,14 +61,6 @@ def test_unseen_bearings_stay_unseen_and_an_obstacle_all_around_changes_nothing(
     mover = Disc(1.0, 0.0, RADIUS)
     unseen = np.where(BEARING > 1.0, np.nan, open_floor([mover]).range_m)
     np.testing.assert_array_equal(np.isnan(ranges_past(BEARING, unseen, [mover])), BEARING > 1.0)
-
-
-def test_without_anything_that_moves_nothing_changes():
-    seen = open_floor([Disc(0.4, 0.05, RADIUS)])
-    plain = steering().steer(seen, (0.3, 0.0), 0.0, 2.0)
-    empty = steering().steer(seen, (0.3, 0.0), 0.0, 2.0, moving=())
-    np.testing.assert_array_equal(plain.velocity_mps, empty.velocity_mps)
-    np.testing.assert_array_equal(plain.time_to_contact_s, empty.time_to_contact_s)
 
 
 def test_the_papers_variant_takes_what_moves_for_standing():

@@ -10,10 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
-from robocup_vision.avoidance import Steering
 from robocup_vision.avoidance.recent_free_space import RecentFreeSpace
 from robocup_vision.geometry import Pose2
-from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.free_space import FreeSpace
 
 STILL = Pose2(0.0, 0.0, 0.0)
@@ -73,15 +71,6 @@ def test_the_robot_does_not_stand_in_its_own_way():
     # it has gone to where that was: somebody went away
     joined = recent.update(view(STILL, 2.0), Pose2(0.2, 0.0, 0.0), 0.2)
     assert joined.range_m.min() >= RADIUS_M
-
-
-def test_a_robot_may_steer_where_it_looked_before():
-    recent, steering = RecentFreeSpace(RADIUS_M), Steering(RADIUS_M, MotionLimits(0.5, 1.0, 0.03))
-    recent.update(view(STILL, math.pi / 2), STILL, 0.0)
-    joined = recent.update(view(STILL, 0.0), STILL, 0.2)
-    chosen = steering.steer(joined, (0.0, 0.0), math.pi / 2, 1.0)
-    assert chosen.safe
-    assert chosen.velocity_mps[1] > 0.3
 
 
 def test_a_robot_without_size_is_refused():

@@ -9,24 +9,25 @@ from hypothesis import strategies as st
 from strategies import numbers
 
 from robocup_vision.camera import PinholeCamera
+from robocup_vision.kernels.landmarks.fit import LandmarkPixels, fit_pose
+from robocup_vision.landmarks.landmark_map import pinhole_view
 from robocup_vision.landmarks.mapping.refinement import Observations, refine
 from robocup_vision.landmarks.mapping.run_files import TrinocularRig
 from robocup_vision.landmarks.mapping.stereo import place
-from robocup_vision.landmarks.pose_fit import fit_stereo, point_by_pose, project, to_camera, to_world, world_to_camera
+from robocup_vision.landmarks.pose_fit import (
+    CHI2_2DOF,
+    fit_stereo,
+    point_by_pose,
+    project,
+    to_camera,
+    to_world,
+    world_to_camera,
+)
 
 CAMERA = PinholeCamera(
     (320, 240), (277.0, 270.0), (159.5, 119.5), 0.6, offset_m=(0.05, -0.03), pan_rad=0.2, tilt_rad=0.1, roll_rad=0.02
 )
 POSES = st.tuples(numbers(-3, 3), numbers(-3, 3), numbers(-3, 3)).map(np.array)
-
-
-def pixel_by_point(camera, points_m):
-    """Return derivatives (N, 2, 3) of ideal pixels by points in the camera frame."""
-    depth, (fx, fy) = points_m[:, 0], camera.focal_px
-    jacobian = np.zeros((len(points_m), 2, 3))
-    jacobian[:, 0, 0], jacobian[:, 0, 1] = fx * points_m[:, 1] / depth**2, -fx / depth
-    jacobian[:, 1, 0], jacobian[:, 1, 2] = fy * points_m[:, 2] / depth**2, -fy / depth
-    return jacobian
 
 
 def scene(pose, seed, count=30):
@@ -51,11 +52,9 @@ def test_projection_inverts_and_derives(pose, seed):
     np.testing.assert_allclose(
         world_to_camera(CAMERA, pose[2]) @ (landmarks[0] - landmarks[1]), points[0] - points[1], atol=1e-9
     )
-    by_point, by_pose = pixel_by_point(CAMERA, points), point_by_pose(CAMERA, pose, landmarks)
+    by_pose = point_by_pose(CAMERA, pose, landmarks)
     for k in range(3):
         step = 1e-6 * np.eye(3)[k]
-        difference = (project(CAMERA, points + step) - project(CAMERA, points - step)) / 2e-6
-        np.testing.assert_allclose(by_point[:, :, k], difference, rtol=1e-4, atol=1e-3)
         difference = (to_camera(CAMERA, pose + step, landmarks) - to_camera(CAMERA, pose - step, landmarks)) / 2e-6
         np.testing.assert_allclose(by_pose[:, :, k], difference, rtol=1e-4, atol=1e-6)
 
@@ -119,4 +118,48 @@ def test_refinement_undoes_what_was_disturbed():
         observations.measured_px + rng.normal(0, 0.3, (len(table), 4)),
         observations.std_px,
     )
-    assert np.median(refine(rig, poses, landmarks, noisy, fixed).noise) == pytest.approx(1.0, abs=0.1)
+    assert np.median(refine(rig, poses, landmarks, noisy, fixed, iterations=5).noise) == pytest.approx(1.0, abs=0.1)
+
+
+VIEW = pinhole_view(CAMERA)
+WIDTHS = np.array([30.0, 15.0, 8.0, 5.0, 3.5, 3.5, 3.5, 3.5])
+
+
+def compiled(start, landmarks, covariance, pixels, std):
+    pose, squared = np.empty(3), np.empty(len(landmarks))
+    matches = LandmarkPixels(landmarks, covariance, pixels, std)
+    normal = fit_pose(VIEW, start, matches, WIDTHS, CHI2_2DOF, pose, squared)
+    return pose, np.linalg.inv(normal), squared
+
+
+def test_the_covariance_is_as_large_as_the_errors():
+    rng, pose, nees = np.random.default_rng(2), np.array([0.3, -0.4, 0.5]), []
+    landmarks, covariance, pixels, _ = scene(pose, 7)
+    errors = np.linalg.cholesky(covariance)
+    for _ in range(60):
+        drawn = landmarks + (errors @ rng.normal(size=(len(landmarks), 3, 1)))[..., 0]
+        seen = pixels + rng.normal(0.0, 0.5, pixels.shape)
+        found, told, _ = compiled(pose, drawn, covariance, seen, np.full(len(pixels), 0.5))
+        nees.append((found - pose) @ np.linalg.solve(told, found - pose))
+    assert 2.0 < np.mean(nees) < 4.5
+
+
+def test_outliers_are_distinguished():
+    pose = np.array([0.3, -0.4, 0.5])
+    landmarks, covariance, pixels, _ = scene(pose, 5)
+    std = np.full(len(pixels), 0.3)
+    pixels[:8] += np.random.default_rng(1).uniform(10, 30, (8, 2))
+    found, _, squared = compiled(pose + np.array([0.03, 0.0, 0.02]), landmarks, covariance, pixels, std)
+    np.testing.assert_allclose(found, pose, atol=2e-3)
+    assert (squared[:8] > CHI2_2DOF).all()
+    assert (squared[8:] < CHI2_2DOF).all()
+
+
+def test_a_landmark_behind_the_camera_counts_for_nothing():
+    pose = np.zeros(3)
+    landmarks, covariance, pixels, _ = scene(pose, 6)
+    landmarks[0] = (-3.0, 0.0, 0.5)
+    start = pose + np.array([0.02, 0.01, 0.01])
+    found, _, squared = compiled(start, landmarks, covariance, pixels, np.full(len(pixels), 0.3))
+    np.testing.assert_allclose(found, pose, atol=1e-4)
+    assert squared[0] == np.inf

@@ -9,13 +9,11 @@ from hypothesis import strategies as st
 from map_cells import cell_centers_m
 
 from field_models.errors import ArgumentError
-from robocup_vision.avoidance.steering import Steering
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.mapping.occupancy import CROSSED, HIT
 from robocup_vision.mapping.occupancy import FREE, NO_GO, UNDECIDED, FreeSpaceMap, FreeSpaceMapSettings
 from robocup_vision.mapping.range_profile import RangeProfile
 from robocup_vision.mapping.sensor_model import SensorModel, default_sensors
-from robocup_vision.motion_limits import MotionLimits
 
 WEAK = SensorModel(0.6, 0.4, reach_m=2.0)
 HERE = Pose2(0.013, -0.021, 0.4)
@@ -249,18 +247,6 @@ def test_free_ranges_end_at_what_stands_and_never_beyond():
         cells = np.floor((along + robot.array[:2] - grid.corner_m) / grid.cell_m).astype(int)
         assert (grid.state[cells[:, 0], cells[:, 1]] == FREE).all()
     assert not free.range_m.flags.writeable
-
-
-def test_steering_keeps_clear_of_what_only_the_map_knows():
-    grid = single()
-    range_m = np.where(np.abs(circle(1.0).bearing_rad) < 0.5, 0.35, 1.3)
-    for _ in range(8):
-        grid.update("one", circle(range_m))
-    free = grid.free_space(HERE, circle(1.0).bearing_rad, nearest_m=0.12)
-    command = Steering(0.09, MotionLimits(0.3, 0.3, 0.03)).steer(free, (0.0, 0.0), 0.0, 2.0)
-    assert command.safe
-    assert command.bearing_rad is not None
-    assert abs(command.bearing_rad) > 0.4
 
 
 def test_nothing_known_is_no_free_space():

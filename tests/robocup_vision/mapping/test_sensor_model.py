@@ -1,11 +1,7 @@
 """Sensor models: what they add to a cell, their file, and how they are learnt."""
 
-import math
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from wrong_files import problem_of
 
 from field_models.errors import ArgumentError, FileError
@@ -21,18 +17,6 @@ hit_if_free = 0.1
 nearest_m = 0.2
 reach_m = 1.5
 """
-
-
-@given(st.floats(0.02, 0.98), st.floats(0.02, 0.9))
-def test_steps_are_log_odds_of_what_is_seen(occupied, share):
-    model = SensorModel(occupied, occupied * share)
-    free = model.hit_if_free
-    assert math.exp(model.hit_step) == pytest.approx(occupied / free)
-    assert math.exp(model.crossed_step) == pytest.approx((1 - occupied) / (1 - free))
-    # so many, and no fewer, correct observations lead from even odds to the threshold
-    needed = model.observations_needed(0.1)
-    assert needed == math.ceil(-math.log(0.1 / 0.9) / math.log((1 - free) / (1 - occupied)))
-    assert 1 / (1 + math.exp(-needed * model.crossed_step)) <= 0.1 + 1e-12
 
 
 def test_files_are_read_as_they_were_written(tmp_path):

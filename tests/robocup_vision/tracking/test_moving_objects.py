@@ -127,17 +127,6 @@ def test_clutter_alone_is_reported_next_to_never(seed):
     assert len(numbers) <= 1
 
 
-@settings(max_examples=8)
-@given(st.integers(0, 2**32 - 1))
-def test_the_same_frames_give_the_same_tracks(seed):
-    rng = np.random.default_rng(seed)
-    frames = [seen(rng.uniform(-1, 1, (3, 2))) for _ in range(12)]
-    first, second = follow(frames), follow(frames)
-    assert [[(t.number, t.x_m, t.probability) for t in tracks] for tracks in first] == [
-        [(t.number, t.x_m, t.probability) for t in tracks] for tracks in second
-    ]
-
-
 def one_branch(covariance):
     none = np.empty(0, dtype=np.int64)
     begun = Branches.initiated(np.array([1]), np.array([[1.0, 0.0]]), 0.01 * np.eye(2)[None], np.array([0]), SETTINGS)

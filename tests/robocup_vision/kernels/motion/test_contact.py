@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from steering_twins import BINS, RADIUS, grown, plain_bin, plain_positions, with_minima
 
 from robocup_vision.kernels.motion import trajectories as kernels
 from robocup_vision.kernels.motion.contact_times import LANES, contact_time, contact_times
-from robocup_vision.kernels.motion.moving_contact import COLUMNS, moving_contact_then_stop, moving_contact_time
+from robocup_vision.kernels.motion.moving_contact import moving_contact_then_stop, moving_contact_time
 
 seeds = st.integers(0, 2**32 - 1)
 speeds = st.floats(-1.5, 1.5)
@@ -39,19 +38,6 @@ def test_prediction_is_the_integral_of_the_velocity_law(x, y, vx, vy, tx, ty, ac
     np.testing.assert_allclose(predicted, place, atol=2e-5)
     predicted = kernels.predict_velocity((vx, vy), (tx, ty), acceleration, t)
     np.testing.assert_allclose(predicted, velocity, atol=1e-9)
-
-
-@given(speeds, speeds, speeds, speeds, st.floats(0.2, 5.0))
-def test_position_and_velocity_are_continuous_and_acceleration_is_limited(vx, vy, tx, ty, acceleration):
-    settle = math.hypot(tx - vx, ty - vy) / acceleration
-    h = 1e-4
-    times = np.append(np.linspace(0.01, settle + 0.5, 50), settle)
-    for t in times[times > h]:
-        before, now, after = (
-            np.array(kernels.predict_position(HERE, (vx, vy), (tx, ty), acceleration, t + s)) for s in (-h, 0, h)
-        )
-        # The second difference bounds a jump in position and in velocity as well as the acceleration.
-        assert np.hypot(*(after - 2 * now + before)) <= acceleration * h * h * 1.001 + 1e-12
 
 
 def any_profile(rng):
@@ -166,22 +152,6 @@ def test_the_time_of_contact_is_that_of_fine_samples_and_never_late(seed):
         assert found >= 0.0
 
 
-def test_two_on_a_straight_line_meet_when_they_should():
-    ahead = np.array([[1.0, 0.0, -0.5, 0.0, 0.2, 0.0, 0.0, 0.0]])
-    found = moving_contact_time(HERE, (0.5, 0.0), (0.5, 0.0), 1.0, 0.0, 2.0, STEP_M, ahead)
-    assert found == pytest.approx(0.8, abs=STEP_M)
-    # begun later it has come nearer
-    found = moving_contact_time(HERE, (0.5, 0.0), (0.5, 0.0), 1.0, 0.2, 2.0, STEP_M, ahead)
-    assert found == pytest.approx(0.7, abs=STEP_M)
-    assert math.isinf(moving_contact_time(HERE, (0.5, 0.0), (0.5, 0.0), 1.0, 0.0, 0.7, STEP_M, ahead))
-
-
-def test_doubt_grows_up_to_its_limit():
-    still = np.array([[1.0, 0.0, 0.0, 0.0, 0.2, 0.0, 0.5, 0.05]])
-    found = moving_contact_time(HERE, (0.5, 0.0), (0.5, 0.0), 1.0, 0.0, 3.0, STEP_M, still)
-    assert found == pytest.approx((1.0 - 0.25) / 0.5, abs=2 * STEP_M)
-
-
 def test_who_is_too_near_may_leave_but_not_come_nearer():
     near = np.array([[0.15, 0.0, 0.0, 0.0, 0.2, 0.0, 0.0, 0.0]])
     assert math.isinf(moving_contact_time(HERE, (-0.3, 0.0), (-0.3, 0.0), 1.0, 0.0, 1.0, STEP_M, near))
@@ -201,8 +171,3 @@ def test_a_trajectory_is_judged_until_the_robot_stands_and_no_longer():
     # it drives over the place where the robot stands, but later
     assert math.isinf(told(0.225, y=-1.0, vy=1.0))
     assert told(0.225, y=-0.8, vy=1.0) < 0.7
-
-
-def test_nothing_that_moves_is_no_contact():
-    nothing = np.empty((0, COLUMNS))
-    assert math.isinf(moving_contact_time(HERE, (1.0, 0.0), (1.0, 0.0), 1.0, 0.0, 9.0, STEP_M, nothing))

@@ -40,15 +40,6 @@ def steer(velocity, target_distance, detour, range_m, count=24):
     return found
 
 
-@given(st.floats(-7.0, 7.0), st.floats(0.0, 2.0), st.floats(0.05, 0.5))
-def test_a_detour_is_unwound_towards_nothing_by_the_way_driven(detour, way_m, radius_m):
-    left = kernels.unwind(detour, way_m, radius_m)
-    assert abs(left) == pytest.approx(max(abs(detour) - way_m / radius_m, 0.0))
-    assert left * detour >= 0.0
-    half = kernels.unwind(detour, way_m / 2, radius_m)
-    assert kernels.unwind(half, way_m / 2, radius_m) == pytest.approx(left, abs=1e-9)
-
-
 @pytest.mark.parametrize(("side", "left_rad", "goes_left"), [(0.0, 0.6, False), (1.0, 0.6, True), (1.0, 2.0, False)])
 def test_a_side_is_kept_unless_the_other_is_nearer_by_far(side, left_rad, goes_left):
     bearing = np.angle(np.exp(1j * around(64)))

@@ -17,7 +17,7 @@ from robocup_vision.disc import Disc
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, half_turn_covariance
 from robocup_vision.planning.gaze.goal_evidence import CORNERS, GoalEvidence, load_goal_evidence
-from robocup_vision.planning.gaze.goal_question import DECIDED_NAT, GoalQuestion, entropy_nat, identified_goal
+from robocup_vision.planning.gaze.goal_question import DECIDED_NAT, GoalQuestion, identified_goal
 from robocup_vision.planning.gaze.pose_gaze import Neck
 
 FIELD = load_field("four_legged_2007")
@@ -144,11 +144,6 @@ def test_goal_seen_is_the_one_before_the_camera() -> None:
     both = PoseEstimate(at_positive.pose, covariance, 1.0, 0.0, (at_positive.pose, at_positive.pose.half_turn()))
     assert identified_goal(FIELD, both) == 0
     assert identified_goal(load_field("msl_6x4"), at_positive) == 0
-
-
-def test_entropy_of_a_distribution() -> None:
-    assert entropy_nat(np.array([0.5, 0.5])) == pytest.approx(math.log(2))
-    assert entropy_nat(np.array([1.0, 0.0])) == 0.0
 
 
 def test_refuses_bad_values() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
-from robocup_vision.planning.gaze.selective_look import SelectiveLook, is_in_sight
+from robocup_vision.planning.gaze.selective_look import SelectiveLook
 
 CELL_M, RADIUS_M, HALF_VIEW_RAD = 0.1, 0.15, math.radians(10)
 SHAPE = (40, 20)
@@ -157,14 +157,6 @@ def test_looks_end_in_a_path_as_short_as_if_all_was_known(seed: int) -> None:
         pytest.fail("never done looking")
     if chosen.sure_m == chosen.length_m and math.isfinite(best.length_m):
         assert chosen.length_m == pytest.approx(best.length_m, rel=2e-3)
-
-
-def test_line_of_sight() -> None:
-    blocked = np.zeros((10, 10), bool)
-    blocked[5, 5] = True
-    assert not is_in_sight(blocked, (0, 0), (9, 9))
-    assert is_in_sight(blocked, (0, 0), (9, 0))
-    assert is_in_sight(blocked, (0, 0), (5, 5))
 
 
 @pytest.mark.parametrize(
