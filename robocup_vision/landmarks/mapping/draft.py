@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 from robocup_vision.landmarks.features import Features, to_bytes
@@ -76,7 +78,7 @@ class DraftMap:
         """
         keys = zip(landmarks.tolist(), directions.tolist(), strict=True)
         rows = np.array([self._row.setdefault(key, len(self._row)) for key in keys], dtype=np.int64)
-        noted = {
+        noted: dict[str, npt.NDArray[Any]] = {
             "view_landmark": landmarks,
             "view_direction": directions,
             "view_descriptors": features.descriptors,
@@ -86,7 +88,7 @@ class DraftMap:
         }
         for name, values in noted.items():
             before = getattr(self, name)
-            after = np.empty((len(self._row), *values.shape[1:]), dtype=values.dtype)
+            after: npt.NDArray[Any] = np.empty((len(self._row), *values.shape[1:]), dtype=values.dtype)
             if len(before):
                 after[: len(before)] = before
             after[rows] = values

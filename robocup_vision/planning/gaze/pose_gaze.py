@@ -75,9 +75,9 @@ class Neck:
         require_positive(self, "limit_rad", "speed_rps")
         require_not_negative(self, "std_rad")
 
-    def sweep(self, t_s: float) -> float:
-        """Return the pan of a head that turns from one side to the other and back, once in 1.5 seconds."""
-        return self.limit_rad * math.sin(math.tau * t_s / 1.5)
+    def sweep(self, t_s: float, period_s: float = 1.5) -> float:
+        """Return the pan of a head that turns from one side to the other and back, once in a period."""
+        return self.limit_rad * math.sin(math.tau * t_s / period_s)
 
     def turned(self, pan_rad: float, wanted_rad: float, seconds: float) -> float:
         """Return the pan that a head reaches in some time on its way to a wanted one; so far a command is obeyed."""
