@@ -16,14 +16,31 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
-from robocup_vision.checks import require_at_least, require_positive
 from robocup_vision.geometry import Pose2, compose_covariance
 from robocup_vision.kernels.mapping import ego_motion as kernels
+
+# differences beyond this many standard deviations belong to something that moved, or came into view
+_GATE_SIGMAS = 4.0
+# the same of the first Gauss-Newton step: it narrows while the pose converges
+_FIRST_GATE_SIGMAS = 2.0 * _GATE_SIGMAS
+# of each Gauss-Newton step
+_GATES = np.array([_FIRST_GATE_SIGMAS] + 4 * [_GATE_SIGMAS])
+# an earlier profile counts if at least this ratio of the directions that can be compared agrees: one that is hidden, or
+# without a range, cannot be compared
+_MIN_INLIER_RATIO = 0.3
+# where less than this ratio agrees around what odometry reports, the pose is searched for on a grid
+_SEARCH_BELOW_RATIO = 0.5
+# nothing wider than this moves by itself, and what does, at about this speed along each axis
+_MOVER_M, _MOVER_MPS = 0.6, 0.3
+# a direction is smoothed over this many neighbours on either side, as long as they lie on the same thing
+_REACH = 2
+# candidates a dimension of the grid, over this many standard deviations of odometry, on so many earlier points
+_CANDIDATES, _SEARCH_SIGMAS, _SEARCH_POINTS = 7, 3.0, 64
 
 
 @dataclass(frozen=True, slots=True)
 class EgoMotionSettings:
-    """How `EgoMotion` compares profiles.
+    """Which profiles `EgoMotion` compares.
 
     Raises
     ------
@@ -35,24 +52,6 @@ class EgoMotionSettings:
     #: the first of them is the last frame's, and the others are at least so far apart: what moves shows against frames
     #: farther back, and errors add up less often
     spacing_s: float = 0.4
-    #: differences beyond this many standard deviations belong to something that moved, or came into view
-    gate_sigmas: float = 4.0
-    opening: float = 2.0  #: factor of the first step's gate, which narrows while the pose converges
-    steps: int = 5  #: Gauss-Newton steps
-    #: an earlier profile counts if at least this ratio of the directions that can be compared agrees: one that is
-    #: hidden, or without a range, cannot be compared
-    min_inlier_ratio: float = 0.3
-    #: where less than this ratio agrees around what odometry reports, the pose is searched for on a grid
-    search_below_ratio: float = 0.5
-    #: nothing wider than this moves by itself, and what does, at about this speed along each axis
-    mover_m: float = 0.6
-    mover_mps: float = 0.3
-    #: a direction is smoothed over this many neighbours on either side, as long as they lie on the same thing
-    reach: int = 2
-    #: candidates a dimension of the grid, over this many standard deviations of odometry, on so many earlier points
-    candidates: int = 7
-    search_sigmas: float = 3.0
-    search_points: int = 64
 
     def __post_init__(self) -> None:
         if self.profiles < 1 or not 0.0 <= self.spacing_s < math.inf:
@@ -60,13 +59,6 @@ class EgoMotionSettings:
                 "profiles must be at least 1, and spacing_s finite and not negative, "
                 f"got {self.profiles}, {self.spacing_s}"
             )
-        require_positive(self, "gate_sigmas", "opening", "mover_m", "mover_mps", "search_sigmas")
-        require_at_least(self, 1, "steps", "candidates", "search_points")
-        require_at_least(self, 0, "reach")
-        for name in ("min_inlier_ratio", "search_below_ratio"):
-            value = getattr(self, name)
-            if not 0.0 <= value <= 1.0:
-                raise ArgumentError(f"{name} must be from 0 to 1, got {value!r}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,10 +92,10 @@ class _Profile:
     weight: float
 
     @classmethod
-    def smooth(cls, inverse: FloatArray, std: FloatArray, reach: int) -> _Profile:
+    def smooth(cls, inverse: FloatArray, std: FloatArray) -> _Profile:
         variance = std**2
         present = np.empty((3, len(inverse)))
-        kernels.smooth(inverse, variance, reach, *present)
+        kernels.smooth(inverse, variance, _REACH, *present)
         thing = np.empty(len(inverse), dtype=np.int64)
         things = kernels.part(present[kernels.VALUE], present[kernels.VARIANCE], thing)
         known = thing >= 0
@@ -120,10 +112,10 @@ class _Past:
     may_move: npt.NDArray[np.bool_]
     thing: npt.NDArray[np.int64]
 
-    def at(self, t_s: float, mover_mps: float) -> FloatArray:
+    def at(self, t_s: float) -> FloatArray:
         """(J, 4) with how far each point may have moved by then."""
         points = self.points.copy()
-        points[:, kernels.MOVED_VARIANCE] = self.may_move * (mover_mps * (t_s - self.t_s)) ** 2
+        points[:, kernels.MOVED_VARIANCE] = self.may_move * (_MOVER_MPS * (t_s - self.t_s)) ** 2
         return points
 
 
@@ -165,8 +157,6 @@ class EgoMotion:
         angle = np.arange(bearings) * (math.tau / bearings)
         self._rays = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         self.settings = settings
-        self._gates = np.full(settings.steps, settings.gate_sigmas)
-        self._gates[0] *= settings.opening
         self._past: deque[_Past] = deque()
         self.forget()
 
@@ -227,7 +217,7 @@ class EgoMotion:
             raise ArgumentError(
                 f"t_s must be finite and later than the frame before, got {t_s!r}: forget() begins a run anew"
             )
-        profile = _Profile.smooth(inverse, std, self.settings.reach)
+        profile = _Profile.smooth(inverse, std)
         if self._t_s is None:
             motion = Motion(odometry, covariance, 0, 0.0, self._pose)
         else:
@@ -244,7 +234,7 @@ class EgoMotion:
         points[:, kernels.RANGE_VARIANCE] = profile.present[kernels.VARIANCE] * range_m**4
         width = np.empty(profile.things)
         kernels.widths(points, profile.thing, width)
-        return _Past(t_s, points, np.append(width < self.settings.mover_m, False)[profile.thing], profile.thing)
+        return _Past(t_s, points, np.append(width < _MOVER_M, False)[profile.thing], profile.thing)
 
     def _chosen(self) -> list[_Past]:
         """Choose the last profile and others behind it as far apart as asked; drop those too old for that."""
@@ -260,30 +250,26 @@ class EgoMotion:
         return chosen
 
     def _fit(self, profile: _Profile, odometry: Pose2, covariance: FloatArray, t_s: float) -> Motion:
-        settings = self.settings
         before, predicted = self._pose, self._pose.compose(odometry)
         spread = compose_covariance(before, self._drift, odometry, covariance)
         unaided = Motion(odometry, covariance, 0, 0.0, predicted)
         chosen, self._drift = self._chosen(), spread
         if not chosen:
             return unaided
-        past, thing = (
-            np.stack([one.at(t_s, settings.mover_mps) for one in chosen]),
-            np.stack([one.thing for one in chosen]),
-        )
+        past, thing = np.stack([one.at(t_s) for one in chosen]), np.stack([one.thing for one in chosen])
         information = np.asarray(np.linalg.inv(spread), dtype=np.float64)
         normal = np.empty((3, 3))
 
-        rules = kernels.Rules(settings.min_inlier_ratio, profile.weight, 2 * settings.reach + 1)
+        rules = kernels.Rules(_MIN_INLIER_RATIO, profile.weight, 2 * _REACH + 1)
         earlier, prediction = kernels.Earlier(past, thing), kernels.Prediction(predicted.array, information)
 
         def refine(pose: FloatArray) -> tuple[int, float]:
-            used, ratio = kernels.refine(profile.present, earlier, pose, prediction, self._gates, rules, normal)
+            used, ratio = kernels.refine(profile.present, earlier, pose, prediction, _GATES, rules, normal)
             return int(used), float(ratio)
 
         pose = predicted.array
         used, ratio = refine(pose)
-        if ratio < settings.search_below_ratio:
+        if ratio < _SEARCH_BELOW_RATIO:
             pose = self._search(profile.present, past, predicted, spread)
             used, ratio = refine(pose)
         if not used:
@@ -296,16 +282,15 @@ class EgoMotion:
 
     def _search(self, present: FloatArray, past: FloatArray, predicted: Pose2, covariance: FloatArray) -> FloatArray:
         """Return (3,) float64: the best of a grid of candidates about the odometry."""
-        settings = self.settings
-        axis = np.linspace(-settings.search_sigmas, settings.search_sigmas, settings.candidates)
+        axis = np.linspace(-_SEARCH_SIGMAS, _SEARCH_SIGMAS, _CANDIDATES)
         grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
         poses = predicted.array + grid @ np.linalg.cholesky(covariance).T
         # odometry first: of equals, it stays
         poses = poses[np.argsort(np.sum(grid**2, axis=1), kind="stable")]
         points = past.reshape(-1, 4)
         points = points[np.isfinite(points[:, 0])]
-        thinned = np.ascontiguousarray(points[:: max(1, len(points) // settings.search_points)])
-        best: int = kernels.search(present, thinned, poses, settings.opening * settings.gate_sigmas)
+        thinned = np.ascontiguousarray(points[:: max(1, len(points) // _SEARCH_POINTS)])
+        best: int = kernels.search(present, thinned, poses, _FIRST_GATE_SIGMAS)
         return np.array(poses[best])
 
 

@@ -15,6 +15,20 @@ from robocup_vision.checks import require_at_least, require_positive
 from robocup_vision.kernels.tracking import branches as kernel
 from robocup_vision.kernels.tracking.branches import MISS
 from robocup_vision.kernels.tracking.choice import choose_together, keep_near
+from robocup_vision.normal import GATE_2D
+
+# time constant with which the velocity of an object without detections decays: it stops or turns sooner or later
+_STEADY_S = 1.5
+_LIFETIME_S = 100.0  # mean time for which an object stays on the field
+# fraction of the covariance that a missed detection leaves at least: nine points cannot show less
+_UNKNOWN_RATIO = 0.05
+# frames after which a choice between branches is final, and over which equal branches are one
+_HISTORY_FRAMES = 5
+# a branch that is less likely than its tree's best by more than this log-likelihood ratio is deleted
+_MAX_LOG_RATIO = 7.0
+_MAX_BRANCHES = 12  # branches kept of each object's tree
+# steps of the joint choice of branches, after which the best choice so far is taken: bounds its time
+MAX_STEPS = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,16 +44,10 @@ class MovingObjectsSettings:
     #: how hard the objects accelerate: standard deviation of the white acceleration that the filters allow
     acceleration_mps2: float = 1.5
     speed_mps: float = 0.7  #: how fast they may be at first sight: standard deviation
-    #: time constant with which the velocity of an object without detections decays: it stops or turns sooner or later
-    steady_s: float = 1.5
-    lifetime_s: float = 100.0  #: mean time for which an object stays on the field
     detection_probability: float = 0.8  #: fraction of the frames in which an object is detected that nothing hides
     clutter_per_m2: float = 0.2  #: false detections a frame and square metre
     #: of the objects: what they hide, and the distance within which several detections belong to one object
     width_m: float = 0.18
-    #: squared Mahalanobis distance of a detection that may still belong to a branch: chi-square with 2 degrees of
-    #: freedom, 99.9 %
-    gate: float = 13.8
     first_log_odds: float = -3.0  #: log-odds that a detection which no track explains is a new object
     #: from the first on an object is reported; below the second it is deleted. Two bounds, so that a track does not
     #: come and go.
@@ -47,37 +55,19 @@ class MovingObjectsSettings:
     deleted_log_odds: float = -3.0
     min_frames: int = 3  #: an object is reported after this many detections at the earliest
     coast_s: float = 3.0  #: an object without a detection for longer than this is deleted
-    #: a reported position is right within this fraction of the object's width: half of what a robot would touch
-    near_ratio: float = 2 / 3
-    #: fraction of the covariance that a missed detection leaves at least: nine points cannot show less
-    unknown_ratio: float = 0.05
-    #: frames after which a choice between branches is final, and over which equal branches are one
-    history_frames: int = 5
-    #: a branch that is less likely than its tree's best by more than this log-likelihood ratio is deleted
-    max_log_ratio: float = 7.0
-    max_branches: int = 12  #: branches kept of each object's tree
-    #: steps of the joint choice of branches, after which the best choice so far is taken: bounds its time
-    max_steps: int = 1000
 
     def __post_init__(self) -> None:
         require_positive(
             self,
             "acceleration_mps2",
             "speed_mps",
-            "steady_s",
-            "lifetime_s",
             "clutter_per_m2",
             "width_m",
-            "gate",
             "coast_s",
-            "near_ratio",
-            "max_log_ratio",
         )
-        require_at_least(self, 1, "min_frames", "history_frames", "max_branches", "max_steps")
+        require_at_least(self, 1, "min_frames")
         if not 0 < self.detection_probability < 1:
             raise ArgumentError(f"detection_probability must be within 0 to 1, got {self.detection_probability}")
-        if not 0 <= self.unknown_ratio <= 1:
-            raise ArgumentError(f"unknown_ratio must be from 0 to 1, got {self.unknown_ratio}")
         if not self.deleted_log_odds <= self.first_log_odds < self.confirmed_log_odds:
             raise ArgumentError(
                 "log-odds must be deleted <= first < confirmed, got "
@@ -117,7 +107,7 @@ class Branches:
         covariance = np.zeros((count, 4, 4))
         covariance[:, :2, :2] = spreads
         covariance[:, 2, 2] = covariance[:, 3, 3] = settings.speed_mps**2
-        history = np.full((count, settings.history_frames), MISS, dtype=np.int64)
+        history = np.full((count, _HISTORY_FRAMES), MISS, dtype=np.int64)
         history[:, 0] = detections
         first, zeros, never = np.full(count, settings.first_log_odds), np.zeros(count), np.zeros(count, dtype=np.int64)
         return cls(trees, mean, covariance, first, first.copy(), zeros, never, history)
@@ -160,20 +150,18 @@ class Branches:
         eye_m : (2,) float64
             The robot in the field frame: an object without a detection is rather where detections hide it.
         """
-        kept = math.exp(-seconds / settings.steady_s)
+        kept = math.exp(-seconds / _STEADY_S)
         noise = settings.acceleration_mps2**2
         motion = kernel.MotionModel(
             seconds,
-            settings.steady_s * (1 - kept),
+            _STEADY_S * (1 - kept),
             kept,
             0.25 * seconds**4 * noise,
             0.5 * seconds**3 * noise,
             seconds**2 * noise,
-            math.exp(-seconds / settings.lifetime_s),
+            math.exp(-seconds / _LIFETIME_S),
         )
-        model = kernel.DetectionModel(
-            settings.detection_probability, settings.clutter_per_m2, settings.gate, settings.unknown_ratio
-        )
+        model = kernel.DetectionModel(settings.detection_probability, settings.clutter_per_m2, GATE_2D, _UNKNOWN_RATIO)
         return Branches(
             *kernel.predict_and_split(
                 self._arrays(),
@@ -196,16 +184,16 @@ class Branches:
         """
         return np.flatnonzero(choose_together(self.tree, self.evidence, self.history, max_steps))
 
-    def pruned(self, chosen: Int64Array, settings: MovingObjectsSettings) -> Branches:
+    def pruned(self, chosen: Int64Array) -> Branches:
         """Keep the best branches of the chosen ones' trees.
 
         A branch is kept if it is likely, agrees with the chosen one on the oldest detection, and is not equal to one
-        that is kept already, up to `max_branches` of each tree.
+        that is kept already, up to twelve of each tree.
         """
         is_chosen = np.zeros(len(self), dtype=np.bool_)
         is_chosen[chosen] = True
-        bounds = settings.max_log_ratio, settings.max_branches
-        return self.select(keep_near(self.tree, self.evidence, self.history, is_chosen, *bounds))
+        kept = keep_near(self.tree, self.evidence, self.history, is_chosen, _MAX_LOG_RATIO, _MAX_BRANCHES)
+        return self.select(kept)
 
     def _arrays(self) -> kernel.BranchArrays:
         return kernel.BranchArrays(*(getattr(self, field.name) for field in fields(self)))

@@ -18,8 +18,11 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.belief import Track
 from robocup_vision.geometry import Pose2
-from robocup_vision.tracking.branches import Branches, MovingObjectsSettings
+from robocup_vision.tracking.branches import MAX_STEPS, Branches, MovingObjectsSettings
 from robocup_vision.tracking.detections import Detection, in_field
+
+# a reported position is right within this fraction of the object's width: half of what a robot would touch
+_NEAR_RATIO = 2 / 3
 
 
 @dataclass(slots=True)
@@ -87,10 +90,10 @@ class MovingObjects:
         self._detections += len(places)
         settings = self.settings
         branches = self._branches.split(seconds, places, spreads, numbers, robot.array[:2], settings)
-        chosen = branches.choose_together(settings.max_steps)
+        chosen = branches.choose_together(MAX_STEPS)
         now = branches.select(chosen)
         lost = self._keep_score(now)
-        branches = branches.pruned(chosen, settings)
+        branches = branches.pruned(chosen)
         if lost:
             branches, now = branches.without(lost), now.without(lost)
             for number in lost:
@@ -133,7 +136,7 @@ class MovingObjects:
         for index, number in enumerate(now.tree.tolist()):
             tree, covariance = self._trees[number], now.covariance[index]
             area = math.sqrt(covariance[0, 0] * covariance[1, 1] - covariance[0, 1] ** 2)
-            near = 1 - math.exp(-((self.settings.near_ratio * self.settings.width_m) ** 2) / (2 * area))
+            near = 1 - math.exp(-((_NEAR_RATIO * self.settings.width_m) ** 2) / (2 * area))
             probability = near / (1 + math.exp(-float(now.odds[index])))
             if tree.confirmed and probability > 0.5:
                 x, y, vx, vy = now.mean[index].tolist()

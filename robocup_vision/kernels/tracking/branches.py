@@ -60,7 +60,7 @@ class MotionModel(NamedTuple):
 
 
 class DetectionModel(NamedTuple):
-    """Parameters of the detection of objects; names as in `MovingObjectsSettings`."""
+    """Parameters of the detection of objects, see `tracking.branches`."""
 
     detection_probability: float
     clutter_per_m2: float

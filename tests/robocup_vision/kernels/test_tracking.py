@@ -8,9 +8,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robocup_vision.tracking.branches import MISS, Branches, MovingObjectsSettings
-
-MAX_STEPS = MovingObjectsSettings().max_steps
+from robocup_vision.kernels.tracking.choice import keep_near
+from robocup_vision.tracking.branches import MAX_STEPS, MISS, Branches
 
 
 def branches(trees, evidence, newest):
@@ -72,6 +71,6 @@ def test_trees_apart_do_not_multiply():
 def test_each_tree_keeps_its_likely_branches_that_agree_with_the_chosen_one():
     those = branches([0] * 5 + [1], [5.0, 4.0, 4.0, -9.0, 3.0, 1.0], [1, 2, 2, 3, 4, 5])
     those.history[4, -1] = 7  # another past
-    kept = those.pruned(np.array([0]), MovingObjectsSettings(max_branches=8))
+    kept = those.pruned(np.array([0]))
     assert kept.history[:, 0].tolist() == [1, 2]
-    assert those.pruned(np.array([0]), MovingObjectsSettings(max_branches=1)).history[:, 0].tolist() == [1]
+    assert keep_near(those.tree, those.evidence, those.history, np.arange(6) == 0, 7.0, 1).tolist() == [0]
