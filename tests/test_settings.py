@@ -21,7 +21,7 @@ from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.planning.gaps.gap_choice import WidthSensor
 from robocup_vision.planning.gaps.gate_planner import GatePlannerSettings
 from robocup_vision.planning.gaze.pose_gaze import Neck, PoseGazeSettings
-from robocup_vision.recording.recorder import RecorderSettings
+from robocup_vision.recording.call_writer import RecorderSettings
 from robocup_vision.tracking import MovingObjectsSettings
 from sim2d.match.tournament import RatingSettings
 from sim2d.rendering.random_scenes import Condition

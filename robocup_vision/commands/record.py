@@ -49,7 +49,7 @@ def run_record(options: argparse.Namespace) -> int:
     from robocup_vision.live.sources.opening import open_source
     from robocup_vision.live.sources.source import SourceFrame, SourceOptions
     from robocup_vision.live.sources.source_recording import record_source
-    from robocup_vision.recording.recorder import RecorderSettings
+    from robocup_vision.recording.call_writer import RecorderSettings
     from robocup_vision.view import View
 
     refuse_existing(options.file, force=options.force)

@@ -28,9 +28,9 @@ def camera_info(camera: OmniCamera | PinholeCamera, t_s: float, frame_id: str) -
         k = np.array([fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0])
         p = np.array([fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0])
         d, model = _lens_of(camera)
-    region = make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
+    whole = (0, 0, 0, 0, False)
     r = np.eye(3).ravel() if isinstance(camera, PinholeCamera) else np.zeros(9)
-    return make("sensor_msgs/msg/CameraInfo", header(t_s, frame_id), height, width, model, d, k, r, p, 0, 0, region)
+    return make("sensor_msgs/msg/CameraInfo", header(t_s, frame_id), height, width, model, d, k, r, p, 0, 0, whole)
 
 
 def _lens_of(camera: PinholeCamera) -> tuple[FloatArray, str]:

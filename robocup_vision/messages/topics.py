@@ -34,7 +34,8 @@ _STILL = Pose2(0.0, 0.0, 0.0)
 _FLAT_VARIANCE = 1e-6
 # camera axes (x right, y down, z forward) in those of a camera body (x forward, y left, z up)
 _OPTICAL_TO_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-_UNKNOWN_CONFIDENCE = -1.0
+# soccer_vision_attribute_msgs/Confidence, geometry_msgs/Quaternion
+_UNKNOWN, _UPRIGHT = (-1.0,), (0.0, 0.0, 0.0, 1.0)
 # of soccer_vision_attribute_msgs/Goalpost
 _LEFT, _RIGHT, _OWN, _OPPONENT = 1, 2, 1, 2
 
@@ -64,6 +65,9 @@ TOPIC_TYPES = {
 }
 # a quaternion shorter than this is no rotation; others are normalised
 _MIN_NORM = 1e-3
+
+# of a message within another, as `make` takes them
+Fields = tuple[Any, ...]
 
 
 class Outgoing(NamedTuple):
@@ -130,19 +134,10 @@ class Topics:
         seconds = 0.0 if self._odom_s is None else t_s - self._odom_s
         self._odom, self._odom_s = self._odom.compose(odometry), t_s
         rate = 1.0 / seconds if seconds > 0.0 else 0.0
-        unknown = np.zeros(36)
-        message = make(
-            "nav_msgs/msg/Odometry",
-            header(t_s, self._names.odom),
-            self._names.robot,
-            make("geometry_msgs/msg/PoseWithCovariance", pose_message(self._odom), unknown),
-            make(
-                "geometry_msgs/msg/TwistWithCovariance",
-                _twist(odometry.x_m * rate, odometry.y_m * rate, odometry.theta_rad * rate),
-                unknown,
-            ),
-        )
-        return [self._out("/odometry", message, t_s)]
+        velocity = _twist(odometry.x_m * rate, odometry.y_m * rate, odometry.theta_rad * rate)
+        unknown, names = np.zeros(36), self._names
+        pose = (_pose(self._odom), unknown)
+        return [self._out("/odometry", names.odom, t_s, names.robot, pose, (velocity, unknown))]
 
     def at_odometry(self, odom: Pose2) -> None:
         """Note where somebody else's odometry has the robot, odom frame: map -> odom is then relative to that."""
@@ -150,177 +145,118 @@ class Topics:
 
     def of_frame(self, frame: UInt8Array, t_s: float) -> list[Outgoing]:
         """Tell a frame (H, W, 3) uint8 BGR, and its camera, with the time it was taken."""
-        image_format = self._settings.image_format
+        image_format, camera_frame = self._settings.image_format, self._names.camera
         if image_format is None:
             return []
         topic = "/camera/image" if image_format == "raw" else "/camera/image/compressed"
+        prefix = self._settings.prefix
         return [
-            self._out(topic, image_message(frame, t_s, self._names.camera, image_format), t_s),
-            self._out("/camera/camera_info", camera_info(self._camera, t_s, self._names.camera), t_s),
+            Outgoing(prefix + topic, image_message(frame, t_s, camera_frame, image_format), t_s),
+            Outgoing(prefix + "/camera/camera_info", camera_info(self._camera, t_s, camera_frame), t_s),
         ]
 
     def of_look(self, view: View, t_s: float) -> Iterator[Outgoing]:
         """Tell what a frame shows, with the time it was taken; each message is made when it is asked for."""
+        field_frame = self._names.map
         if isinstance(view.pose, PoseEstimate):
-            yield self._out("/vision/pose_with_covariance", self._pose(view.pose, t_s), t_s)
+            yield self._out("/vision/pose_with_covariance", field_frame, t_s, _with_covariance(view.pose))
         believed = view.pose if view.belief is None else view.belief.pose
         if isinstance(believed, PoseEstimate):
-            yield self._out("/pose_with_covariance", self._pose(believed, t_s), t_s)
+            yield self._out("/pose_with_covariance", field_frame, t_s, _with_covariance(believed))
         yield from self._transforms(view, believed if isinstance(believed, PoseEstimate) else None, t_s)
         yield from self._surroundings(view, t_s)
         if view.belief is not None:
-            yield self._out("/tracks", self._tracks(view.belief.tracks, t_s), t_s)
+            yield self._out("/tracks", field_frame, t_s, [_obstacle(track) for track in view.belief.tracks])
             picture = view.belief.free_map
             # time may begin anew
             if picture is not None and not 0.0 <= t_s - self._map_s < self._settings.map_period_s:
                 self._map_s = t_s
-                yield self._out("/map", occupancy_grid(picture, t_s, self._names.map), t_s)
+                yield Outgoing(self._settings.prefix + "/map", occupancy_grid(picture, t_s, field_frame), t_s)
 
     def of_command(self, command: SteeringCommand | tuple[float, float, float], t_s: float) -> list[Outgoing]:
         """Tell a command as geometry_msgs/TwistStamped, robot frame: of `Steering`, or (x, y m/s, radians a second)."""
-        if isinstance(command, SteeringCommand):
-            forward, left, turn = float(command.velocity_mps[0]), float(command.velocity_mps[1]), 0.0
-        else:
-            forward, left, turn = command
-        message = make("geometry_msgs/msg/TwistStamped", header(t_s, self._names.robot), _twist(forward, left, turn))
-        return [self._out("/cmd_vel", message, t_s)]
+        velocity = (*command.velocity_mps.tolist(), 0.0) if isinstance(command, SteeringCommand) else command
+        return [self._out("/cmd_vel", self._names.robot, t_s, _twist(*velocity))]
 
     def of_truth(self, robot: Pose2, t_s: float, ball_m: tuple[float, float] | None = None) -> list[Outgoing]:
         """Tell the true pose on ``/truth/pose`` and the true ball on ``/truth/ball``, field frame."""
-        pose = make("geometry_msgs/msg/PoseStamped", header(t_s, self._names.map), pose_message(robot))
-        out = [self._out("/truth/pose", pose, t_s)]
+        out = [self._out("/truth/pose", self._names.map, t_s, _pose(robot))]
         if ball_m is not None:
-            point = _point(*ball_m, self._field.ball_radius_m)
-            message = make("geometry_msgs/msg/PointStamped", header(t_s, self._names.map), point)
-            out.append(self._out("/truth/ball", message, t_s))
+            out.append(self._out("/truth/ball", self._names.map, t_s, (*ball_m, self._field.ball_radius_m)))
         return out
 
-    def _out(self, topic: str, message: Any, t_s: float) -> Outgoing:
+    def _out(self, topic: str, frame_id: str, t_s: float, *fields: Any) -> Outgoing:
+        """Return a topic's message: its header, and its other fields as `make` takes them."""
+        message = make(TOPIC_TYPES[topic], header(t_s, frame_id), *fields)
         return Outgoing(self._settings.prefix + topic, message, t_s)
 
-    def _pose(self, estimate: PoseEstimate, t_s: float) -> Any:
-        return make(
-            "geometry_msgs/msg/PoseWithCovarianceStamped", header(t_s, self._names.map), _with_covariance(estimate)
-        )
-
     def _transforms(self, view: View, believed: PoseEstimate | None, t_s: float) -> list[Outgoing]:
-        transforms = []
+        names, moving, fixed = self._names, [], []
         if believed is not None:
             map_to_odom = believed.pose.compose(self._odom.inverse())
-            transforms.append(_transform(map_to_odom, self._names.map, self._names.odom, t_s))
+            moving.append(_transform(names.map, names.odom, t_s, *_pose(map_to_odom)))
         if self._is_own_odom:
-            transforms.append(_transform(self._odom, self._names.odom, self._names.robot, t_s))
-        out = []
-        camera = camera_transform(view.camera, self._names, t_s) if self._settings.camera_transform else None
-        if camera is not None and self._pans:
-            transforms.append(camera)
+            moving.append(_transform(names.odom, names.robot, t_s, *_pose(self._odom)))
+        camera = camera_transform(view.camera, names, t_s) if self._settings.camera_transform else None
+        if camera is not None and isinstance(self._camera, PinholeCamera):
+            moving.append(camera)
         elif camera is not None and not self._static_sent:
             self._static_sent = True
-            out.append(Outgoing("/tf_static", make("tf2_msgs/msg/TFMessage", [camera]), t_s))
-        if transforms:
-            out.append(Outgoing("/tf", make("tf2_msgs/msg/TFMessage", transforms), t_s))
-        return out
-
-    @property
-    def _pans(self) -> bool:
-        return isinstance(self._camera, PinholeCamera)
+            fixed.append(camera)
+        return [
+            Outgoing(topic, make(TOPIC_TYPES[topic], transforms), t_s)
+            for topic, transforms in (("/tf_static", fixed), ("/tf", moving))
+            if transforms
+        ]
 
     def _surroundings(self, view: View, t_s: float) -> Iterator[Outgoing]:
-        here = header(t_s, self._names.robot)
+        robot, camera, ball_radius_m = self._names.robot, self._names.camera, self._field.ball_radius_m
         if len(view.free_space.range_m) > 1:
-            yield self._out("/scan", self._scan(view, t_s), t_s)
-        confidence = make("soccer_vision_attribute_msgs/msg/Confidence", _UNKNOWN_CONFIDENCE)
-        balls = []
-        for ball in view.balls:
-            center = _point(ball.x_m, ball.y_m, self._field.ball_radius_m)
-            balls.append(make("soccer_vision_3d_msgs/msg/Ball", center, confidence))
-        yield self._out("/balls", make("soccer_vision_3d_msgs/msg/BallArray", here, balls), t_s)
+            yield self._out("/scan", robot, t_s, *_scan(view))
+        balls = [((ball.x_m, ball.y_m, ball_radius_m), _UNKNOWN) for ball in view.balls]
+        yield self._out("/balls", robot, t_s, balls)
         obstacles = []
         for thing in view.obstacles:
-            heading = pose_message(Pose2(thing.x_m, thing.y_m, thing.bearing_rad))
             # its depth is not seen: as deep as it is wide, a robot's height unknown
-            size = make("geometry_msgs/msg/Vector3", thing.width_m, thing.width_m, 0.0)
-            box = make("vision_msgs/msg/BoundingBox3D", heading, size)
-            obstacles.append(make("soccer_vision_3d_msgs/msg/Obstacle", box, confidence))
-        yield self._out("/obstacles", make("soccer_vision_3d_msgs/msg/ObstacleArray", here, obstacles), t_s)
-        points = [_point(x, y, 0.0) for x, y in boundary_m(view).tolist()]
-        message = make("soccer_vision_3d_msgs/msg/FieldBoundary", here, points, confidence)
-        yield self._out("/field_boundary", message, t_s)
-        in_image = header(t_s, self._names.camera)
-        message = make(
-            "soccer_vision_2d_msgs/msg/BallArray", in_image, [self._ball_in_image(ball, view) for ball in view.balls]
-        )
-        yield self._out("/balls_in_image", message, t_s)
+            box = (_pose(Pose2(thing.x_m, thing.y_m, thing.bearing_rad)), (thing.width_m, thing.width_m, 0.0))
+            obstacles.append((box, _UNKNOWN))
+        yield self._out("/obstacles", robot, t_s, obstacles)
+        edge = [(x, y, 0.0) for x, y in boundary_m(view).tolist()]
+        yield self._out("/field_boundary", robot, t_s, edge, _UNKNOWN)
+        yield self._out("/balls_in_image", camera, t_s, [self._ball_in_image(ball, view) for ball in view.balls])
         if self._settings.markings:
             yield from self._markings(view.markings, t_s)
         edge_px = view.boundary_px
-        shown = [make("vision_msgs/msg/Point2D", u, v) for u, v in edge_px[np.isfinite(edge_px).all(axis=1)].tolist()]
-        message = make("soccer_vision_2d_msgs/msg/FieldBoundary", in_image, shown, confidence)
-        yield self._out("/field_boundary_in_image", message, t_s)
+        shown = [tuple(place) for place in edge_px[np.isfinite(edge_px).all(axis=1)].tolist()]
+        yield self._out("/field_boundary_in_image", camera, t_s, shown, _UNKNOWN)
 
     def _markings(self, markings: Markings, t_s: float) -> Iterator[Outgoing]:
-        here = header(t_s, self._names.robot)
-        confidence = make("soccer_vision_attribute_msgs/msg/Confidence", _UNKNOWN_CONFIDENCE)
-        ellipses = [
-            make(
-                "soccer_vision_3d_msgs/msg/MarkingEllipse",
-                2 * circle.radius_m,
-                pose_message(Pose2(circle.x_m, circle.y_m, 0.0)),
-                confidence,
-            )
-            for circle in markings.circles
-        ]
-        ellipses += [
-            make(
-                "soccer_vision_3d_msgs/msg/MarkingEllipse",
-                self._field.marks[0].size_m,
-                pose_message(Pose2(mark.x_m, mark.y_m, 0.0)),
-                confidence,
-            )
-            for mark in markings.penalty_marks
-        ]
+        circles = [(2 * circle.radius_m, circle.x_m, circle.y_m) for circle in markings.circles]
+        circles += [(self._field.marks[0].size_m, mark.x_m, mark.y_m) for mark in markings.penalty_marks]
+        ellipses = [(diameter_m, _pose(Pose2(x_m, y_m, 0.0)), _UNKNOWN) for diameter_m, x_m, y_m in circles]
         crossings = []
         for crossing in markings.crossings:
-            rays = [make("geometry_msgs/msg/Vector3", math.cos(arm), math.sin(arm), 0.0) for arm in crossing.arms_rad]
-            center = _point(crossing.x_m, crossing.y_m, 0.0)
-            message = make("soccer_vision_3d_msgs/msg/MarkingIntersection", center, len(rays), rays, confidence)
-            crossings.append(message)
-        segments = [
-            make(
-                "soccer_vision_3d_msgs/msg/MarkingSegment",
-                _point(*segment.start_m, 0.0),
-                _point(*segment.end_m, 0.0),
-                confidence,
-            )
-            for segment in markings.segments
-        ]
-        message = make("soccer_vision_3d_msgs/msg/MarkingArray", here, ellipses, crossings, segments)
-        yield self._out("/markings", message, t_s)
-        posts = [self._goalpost(post, confidence) for post in markings.posts]
-        yield self._out("/goalposts", make("soccer_vision_3d_msgs/msg/GoalpostArray", here, posts), t_s)
+            rays = [(math.cos(arm), math.sin(arm), 0.0) for arm in crossing.arms_rad]
+            crossings.append(((crossing.x_m, crossing.y_m, 0.0), len(rays), rays, _UNKNOWN))
+        segments = [((*one.start_m, 0.0), (*one.end_m, 0.0), _UNKNOWN) for one in markings.segments]
+        yield self._out("/markings", self._names.robot, t_s, ellipses, crossings, segments)
+        yield self._out("/goalposts", self._names.robot, t_s, [self._goalpost(post) for post in markings.posts])
 
-    def _goalpost(self, post: Post, confidence: Any) -> Any:
+    def _goalpost(self, post: Post) -> Fields:
         goal = next(goal for goal in self._field.goals if goal.kind == "posts")
         # the middle of the post
-        center = make(
-            "geometry_msgs/msg/Pose",
-            _point(post.x_m, post.y_m, goal.height_m / 2),
-            make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
-        )
-        size = make("geometry_msgs/msg/Vector3", 2 * goal.post_radius_m, 2 * goal.post_radius_m, goal.height_m)
+        center = ((post.x_m, post.y_m, goal.height_m / 2), _UPRIGHT)
         side, team = 0, 0
         if post.feature_m is not None:
             x, y = post.feature_m
             # as one sees it who faces the goal
             side = _LEFT if (y > 0) == (x > 0) else _RIGHT
             team = _OPPONENT if x > 0 else _OWN
-        attributes = make("soccer_vision_attribute_msgs/msg/Goalpost", side, team)
-        box = make("vision_msgs/msg/BoundingBox3D", center, size)
-        return make("soccer_vision_3d_msgs/msg/Goalpost", box, attributes, confidence)
+        return ((center, (2 * goal.post_radius_m, 2 * goal.post_radius_m, goal.height_m)), (side, team), _UNKNOWN)
 
-    def _ball_in_image(self, ball: Ball, view: View) -> Any:
+    def _ball_in_image(self, ball: Ball, view: View) -> Fields:
         box_px = np.array([ball.u_px, ball.v_px, 0.0, 0.0])
-        if is_placed(view.camera):
+        if _is_placed(view.camera):
             outline = view.camera.point_to_pixel(
                 sphere_outline((ball.x_m, ball.y_m, self._field.ball_radius_m), self._field.ball_radius_m, view.camera)
             )
@@ -328,48 +264,24 @@ class Topics:
                 low, high = outline.min(axis=0), outline.max(axis=0)
                 box_px = np.concatenate([(low + high) / 2, high - low])
         u, v, width, height = box_px.tolist()
-        box = make("vision_msgs/msg/Pose2D", make("vision_msgs/msg/Point2D", u, v), 0.0)
-        return make(
-            "soccer_vision_2d_msgs/msg/Ball",
-            make("vision_msgs/msg/BoundingBox2D", box, width, height),
-            make("vision_msgs/msg/Point2D", ball.u_px, ball.v_px),
-            make("soccer_vision_attribute_msgs/msg/Confidence", _UNKNOWN_CONFIDENCE),
-        )
+        return ((((u, v), 0.0), width, height), (ball.u_px, ball.v_px), _UNKNOWN)
 
-    def _scan(self, view: View, t_s: float) -> Any:
-        bearing, ranges = view.free_space.bearing_rad, view.free_space.range_m
-        step = float(bearing[-1] - bearing[0]) / (len(bearing) - 1)
-        reach = math.inf if view.grid is None else float(view.grid.ring_bounds_m[-1])
-        # REP-117: nothing in reach is +inf
-        shown = np.where(ranges >= reach - 1e-9, np.inf, ranges).astype(np.float32)
-        return make(
-            "sensor_msgs/msg/LaserScan",
-            header(t_s, self._names.robot),
-            float(bearing[0]),
-            float(bearing[-1]),
-            step,
-            0.0,
-            0.0,
-            0.0,
-            reach,
-            shown,
-            np.empty(0, dtype=np.float32),
-        )
 
-    def _tracks(self, tracks: tuple[Track, ...], t_s: float) -> Any:
-        followed = []
-        for track in tracks:
-            place, speed = np.zeros((6, 6)), np.zeros((6, 6))
-            place[:2, :2], speed[:2, :2] = track.covariance[:2, :2], track.covariance[2:, 2:]
-            pose = pose_message(Pose2(track.x_m, track.y_m, math.atan2(track.vy_mps, track.vx_mps)))
-            followed.append(
-                make(
-                    "soccer_model_msgs/msg/Obstacle",
-                    make("geometry_msgs/msg/PoseWithCovariance", pose, place.ravel()),
-                    make("geometry_msgs/msg/TwistWithCovariance", _twist(track.vx_mps, track.vy_mps), speed.ravel()),
-                )
-            )
-        return make("soccer_model_msgs/msg/ObstacleArray", header(t_s, self._names.map), followed)
+def _scan(view: View) -> Fields:
+    bearing, ranges = view.free_space.bearing_rad, view.free_space.range_m
+    step = float(bearing[-1] - bearing[0]) / (len(bearing) - 1)
+    reach = math.inf if view.grid is None else float(view.grid.ring_bounds_m[-1])
+    # REP-117: nothing in reach is +inf
+    shown = np.where(ranges >= reach - 1e-9, np.inf, ranges).astype(np.float32)
+    no_time, nearest_m, no_intensities = 0.0, 0.0, np.empty(0, dtype=np.float32)
+    return (float(bearing[0]), float(bearing[-1]), step, no_time, no_time, nearest_m, reach, shown, no_intensities)
+
+
+def _obstacle(track: Track) -> Fields:
+    place, speed = np.zeros((6, 6)), np.zeros((6, 6))
+    place[:2, :2], speed[:2, :2] = track.covariance[:2, :2], track.covariance[2:, 2:]
+    pose = _pose(Pose2(track.x_m, track.y_m, math.atan2(track.vy_mps, track.vx_mps)))
+    return ((pose, place.ravel()), (_twist(track.vx_mps, track.vy_mps, 0.0), speed.ravel()))
 
 
 def boundary_m(view: View) -> FloatArray:
@@ -386,17 +298,12 @@ def occupancy_grid(picture: MapPicture, t_s: float, frame_id: str) -> Any:
     # ours has its first index along x, ROS's rows are along y
     data = values[picture.state].T.ravel()
     rows, columns = picture.state.T.shape
-    origin = make(
-        "geometry_msgs/msg/Pose",
-        _point(*picture.corner_m, 0.0),
-        make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 1.0),
-    )
     at = header(t_s, frame_id)
-    info = make("nav_msgs/msg/MapMetaData", at.stamp, picture.cell_m, columns, rows, origin)
+    info = (at.stamp, picture.cell_m, columns, rows, ((*picture.corner_m, 0.0), _UPRIGHT))
     return make("nav_msgs/msg/OccupancyGrid", at, info, np.ascontiguousarray(data))
 
 
-def is_placed(camera: OmniCamera | PinholeCamera) -> bool:
+def _is_placed(camera: OmniCamera | PinholeCamera) -> bool:
     """Whether it is known where the camera is on the robot, and how it is turned."""
     return camera.known_orientation if isinstance(camera, PinholeCamera) else camera.height_m is not None
 
@@ -418,29 +325,31 @@ def sphere_outline(
 
 def camera_transform(camera: OmniCamera | PinholeCamera, names: FrameNames, t_s: float) -> Any:
     """Return the transform from the robot to the camera's optical frame; None where the tilt or height is unknown."""
-    if not is_placed(camera):
+    if not _is_placed(camera):
         return None
-    x, y, z = camera.viewpoint_m.tolist()
     body_to_robot = np.asarray(camera.camera_to_robot)
     # a mirror camera looks straight up; its optical frame's z is the mirror's axis
     optical_to_body = _OPTICAL_TO_BODY if isinstance(camera, PinholeCamera) else np.eye(3)
-    return make(
-        "geometry_msgs/msg/TransformStamped",
-        header(t_s, names.robot),
-        names.camera,
-        make(
-            "geometry_msgs/msg/Transform",
-            make("geometry_msgs/msg/Vector3", x, y, z),
-            make("geometry_msgs/msg/Quaternion", *_quaternion(body_to_robot @ optical_to_body)),
-        ),
-    )
+    turn = _quaternion(body_to_robot @ optical_to_body)
+    return _transform(names.robot, names.camera, t_s, tuple(camera.viewpoint_m.tolist()), turn)
+
+
+def _transform(parent: str, child: str, t_s: float, place_m: Fields, turn: Fields) -> Any:
+    return make("geometry_msgs/msg/TransformStamped", header(t_s, parent), child, (place_m, turn))
 
 
 def pose_message(pose: Pose2) -> Any:
     """Return a pose in the plane as geometry_msgs/Pose."""
+    return make("geometry_msgs/msg/Pose", *_pose(pose))
+
+
+def _pose(pose: Pose2) -> tuple[Fields, Fields]:
     half = pose.theta_rad / 2
-    turn = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(half), math.cos(half))
-    return make("geometry_msgs/msg/Pose", _point(pose.x_m, pose.y_m, 0.0), turn)
+    return (pose.x_m, pose.y_m, 0.0), (0.0, 0.0, math.sin(half), math.cos(half))
+
+
+def _twist(forward: float, left: float, turn: float) -> Fields:
+    return (forward, left, 0.0), (0.0, 0.0, turn)
 
 
 def covariance_6x6(covariance: FloatArray) -> FloatArray:
@@ -457,36 +366,8 @@ def covariance_3x3(covariance: Any) -> FloatArray:
     return np.asarray(covariance, dtype=np.float64).reshape(6, 6)[np.ix_(places, places)]
 
 
-def _with_covariance(estimate: PoseEstimate) -> Any:
-    return make(
-        "geometry_msgs/msg/PoseWithCovariance", pose_message(estimate.pose), covariance_6x6(estimate.covariance)
-    )
-
-
-def _transform(pose: Pose2, parent: str, child: str, t_s: float) -> Any:
-    half = pose.theta_rad / 2
-    return make(
-        "geometry_msgs/msg/TransformStamped",
-        header(t_s, parent),
-        child,
-        make(
-            "geometry_msgs/msg/Transform",
-            make("geometry_msgs/msg/Vector3", pose.x_m, pose.y_m, 0.0),
-            make("geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(half), math.cos(half)),
-        ),
-    )
-
-
-def _point(x: float, y: float, z: float) -> Any:
-    return make("geometry_msgs/msg/Point", x, y, z)
-
-
-def _twist(forward: float, left: float, turn: float = 0.0) -> Any:
-    return make(
-        "geometry_msgs/msg/Twist",
-        make("geometry_msgs/msg/Vector3", forward, left, 0.0),
-        make("geometry_msgs/msg/Vector3", 0.0, 0.0, turn),
-    )
+def _with_covariance(estimate: PoseEstimate) -> Fields:
+    return _pose(estimate.pose), covariance_6x6(estimate.covariance)
 
 
 def _quaternion(rotation: FloatArray) -> tuple[float, float, float, float]:
@@ -520,13 +401,13 @@ def place_of(position: Any, orientation: Any) -> tuple[float, float, float | Non
     x_m, y_m, z_m = float(position.x), float(position.y), float(position.z)
     if not all(map(math.isfinite, (x_m, y_m, z_m))):
         raise PacketError(f"the position is not finite ({x_m:g}, {y_m:g}, {z_m:g})")
-    heading_rad = heading_of(orientation)
+    heading_rad = _heading(orientation)
     if heading_rad is None and x_m == y_m == z_m == 0.0:
         raise PacketError("position and orientation are all 0")
     return x_m, y_m, heading_rad
 
 
-def heading_of(orientation: Any) -> float | None:
+def _heading(orientation: Any) -> float | None:
     """Return the direction of the x axis that a geometry_msgs/Quaternion turns; None where it is no rotation."""
     x, y, z, w = (float(getattr(orientation, name)) for name in "xyzw")
     norm = math.hypot(x, y, z, w)

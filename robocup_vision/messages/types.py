@@ -73,17 +73,29 @@ def prepare(names: Iterable[str]) -> None:
         typestore().get_msgdef(name)
 
 
-def make(name: str, *values: Any, **fields: Any) -> Any:
+def make(name: str, *values: Any) -> Any:
     """Make a message.
 
     Parameters
     ----------
     name : str
         Of its type, such as ``std_msgs/msg/Header``.
-    *values, **fields
-        All fields of the type, in order or by name. Arrays of numbers are NumPy arrays.
+    *values
+        Of all its fields in order. Arrays of numbers are NumPy arrays. A tuple, in a list too, stands for a message of
+        the field's type.
     """
-    return typestore().types[name](*values, **fields)
+    store = typestore()
+    kinds = (kind for _, kind in store.fielddefs[name][1])
+    return store.types[name](*(_field(kind, value) for kind, value in zip(kinds, values, strict=True)))
+
+
+def _field(kind: Any, value: Any) -> Any:
+    if isinstance(value, tuple):
+        return make(kind[1], *value)
+    if isinstance(value, list):
+        of_one = kind[1][0]
+        return [_field(of_one, one) for one in value]
+    return value
 
 
 def encode(message: Any) -> bytes:
@@ -157,8 +169,7 @@ def _describe_field(name: str, kind: Any) -> FieldDescription:
 
 def stamp(t_s: float) -> Any:
     """Return a time in seconds as a ROS time, to the nearest nanosecond."""
-    seconds, nanoseconds = divmod(to_nanoseconds(t_s), 1_000_000_000)
-    return make("builtin_interfaces/msg/Time", seconds, nanoseconds)
+    return make("builtin_interfaces/msg/Time", *divmod(to_nanoseconds(t_s), 1_000_000_000))
 
 
 def header(t_s: float, frame_id: str) -> Any:

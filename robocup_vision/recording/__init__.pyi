@@ -1,4 +1,5 @@
-from .recorder import Recorder, RecorderSettings
+from .call_writer import RecorderSettings
+from .recorder import Recorder
 from .recording import RecordedFrame, Recording
 
 __all__ = ["RecordedFrame", "Recorder", "RecorderSettings", "Recording"]

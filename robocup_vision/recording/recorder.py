@@ -5,194 +5,28 @@ The loop's own time goes into handing over references, and a copy of the frame; 
 
 from __future__ import annotations
 
-import json
-import platform
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager
-from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 import numpy as np
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, Frame, UInt8Array
 from robocup_vision.avoidance.steering import FreeRanges, Steering, SteeringCommand
-from robocup_vision.camera.files import save_camera
 from robocup_vision.camera.pinhole import Mounting
-from robocup_vision.checks import require_at_least
 from robocup_vision.closing import Closing
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import PoseEstimate
-from robocup_vision.files.value_codec import ValueCodec
 from robocup_vision.geometry import Pose2
-from robocup_vision.messages.images import IMAGE_FORMATS, ImageFormat
-from robocup_vision.messages.topics import TOPIC_TYPES, Outgoing, Topics, TopicSettings
-from robocup_vision.messages.types import CALL, header, make, prepare
-from robocup_vision.perception.color_table import save_colors
+from robocup_vision.messages.topics import Outgoing
 from robocup_vision.perception.free_space import FreeSpace
 from robocup_vision.pipeline.frames import to_bgr
+from robocup_vision.recording.call_writer import CallWriter, RecorderSettings
 from robocup_vision.recording.calls import DROPPED, FORGET, LOOK, PREDICT, STEER, look_outputs, steer_outputs
-from robocup_vision.recording.log_writer import COMPRESSIONS, Compression, Job, LogWriter
 from robocup_vision.recording.run import Run
-from robocup_vision.recording.values import value_codec
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
-
-CALL_TOPIC = "/robocup_vision/calls"
-RUN_ATTACHMENT, VERSIONS_ATTACHMENT = "run.json", "versions.json"
-# that results may depend on
-_PACKAGES = ("robocup-vision", "numpy", "numba", "opencv-python-headless")
-
-
-@dataclass(frozen=True, slots=True)
-class RecorderSettings:
-    """How a run is recorded.
-
-    Parameters
-    ----------
-    image_format : {"raw", "png", "jpeg"}
-        "raw" and "png" replay bit for bit; "jpeg" is a tenth as large, and a replay sees other pixels than the run did.
-    compression : {"lz4", "zstd", "none"}
-        Of the file's chunks; "zstd" makes it smaller by a tenth and takes five times as long, in the thread.
-    max_waiting_bytes : int
-        Of what waits to be written.
-    when_full : {"wait", "drop"}
-        Beyond that the loop waits for the disk, or frames are left out, counted and noted: then it cannot be replayed
-        bit for bit.
-    prefix : str
-        Before every topic's name.
-    markings : bool
-        Whether each frame's markings are kept, too: the thread takes longer to find them than a look takes.
-
-    Raises
-    ------
-    ArgumentError
-        A value is out of its range.
-    """
-
-    image_format: ImageFormat = "raw"
-    compression: Compression = "lz4"
-    max_waiting_bytes: int = 256 << 20
-    when_full: Literal["wait", "drop"] = "wait"
-    prefix: str = ""
-    markings: bool = False
-
-    def __post_init__(self) -> None:
-        if self.image_format not in IMAGE_FORMATS:
-            raise ArgumentError(f"image_format must be one of {', '.join(IMAGE_FORMATS)}, got {self.image_format!r}")
-        if self.compression not in COMPRESSIONS:
-            raise ArgumentError(f"compression must be one of {', '.join(COMPRESSIONS)}, got {self.compression!r}")
-        if self.when_full not in ("wait", "drop"):
-            raise ArgumentError(f"when_full must be 'wait' or 'drop', got {self.when_full!r}")
-        require_at_least(self, 1, "max_waiting_bytes")
-
-
-class CallWriter(Closing):
-    """Writes the calls of a run of any loop, and messages beside them, to a recording.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file, ``.mcap``; one that is there is replaced.
-    types : mapping of str to str, optional
-        Further classes of values in the calls: class name to module.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
-    RobocupVisionError
-        If the extra `ros` is not installed.
-    """
-
-    def __init__(
-        self,
-        path: str | Path,
-        run: Run,
-        settings: RecorderSettings = RecorderSettings(),
-        types: Mapping[str, str] | None = None,
-    ) -> None:
-        self._settings = settings
-        self._codec = value_codec(types)
-        prepare([CALL, *TOPIC_TYPES.values()])
-        what = TopicSettings(settings.prefix, image_format=settings.image_format, markings=settings.markings)
-        self.topics = Topics(run.field, run.camera, what)
-        self._log = LogWriter(
-            path,
-            _attachments(run, self._codec),
-            f"robocup-vision {_version('robocup-vision')}",
-            settings.compression,
-            settings.max_waiting_bytes,
-            settings.when_full,
-        )
-        self.path = self._log.path
-        self._number = 0
-        self._begin_s = time.monotonic()
-
-    @property
-    def clock_s(self) -> float:
-        """Seconds since the recording began: the time of calls that have none of their own."""
-        return time.monotonic() - self._begin_s
-
-    @property
-    def dropped(self) -> int:
-        """How many calls were left out, with `when_full` "drop"."""
-        return self._log.dropped
-
-    @property
-    def in_call(self) -> AbstractContextManager[None]:
-        """While it is entered, the robot's loop is at work, and the writer's thread waits: see `LogWriter.in_call`."""
-        return self._log.in_call()
-
-    def add_call(
-        self,
-        kind: str,
-        t_s: float,
-        inputs: Mapping[str, Any],
-        make_outputs: Callable[[], Mapping[str, Any]],
-        make_messages: Job,
-        size_bytes: int = 0,
-    ) -> None:
-        """Write a call.
-
-        Parameters
-        ----------
-        inputs : mapping
-            What it took, but for the frame; must not change any more.
-        make_outputs : callable
-            Returns what it gave; called in the writer's thread.
-        make_messages : callable
-            Returns the messages that go before the call; likewise.
-        size_bytes : int
-            About what it holds in memory.
-        """
-        number, self._number = self._number, self._number + 1
-
-        def job() -> Iterator[Outgoing]:
-            yield from make_messages()
-            packed = [np.frombuffer(self._codec.pack(value), dtype=np.uint8) for value in (inputs, make_outputs())]
-            call = make(CALL, header(t_s, ""), number, kind, *packed)
-            yield Outgoing(self._settings.prefix + CALL_TOPIC, call, t_s)
-
-        self._log.add(job, size_bytes)
-
-    def add_messages(self, make_messages: Job) -> None:
-        """Write messages that are no call's, such as truth; they are made in the writer's thread."""
-        self._log.add(make_messages)
-
-    def close(self) -> None:
-        """Write what waits, and close the file.
-
-        Raises
-        ------
-        RobocupVisionError
-            If something could not be written: the file ends before it.
-        """
-        self._log.close({"calls": str(self._number), "dropped": str(self._log.dropped)})
 
 
 class Recorder(Closing):
@@ -251,7 +85,7 @@ class Recorder(Closing):
         mounting: Mounting | None = None,
     ) -> View:
         """Look, and record it: `Vision.look`."""
-        with self._calls.in_call:
+        with self._calls.in_call():
             view = self._vision.look(frame, t_s, odometry, prior, pan_rad, mounting)
             self.add_look(view, frame, t_s, odometry, prior, pan_rad, mounting)
         return view
@@ -318,7 +152,7 @@ class Recorder(Closing):
         if self._steering is None:
             raise ArgumentError("steer needs a Steering: Recorder(path, vision, steering)")
         moving = tuple(moving)
-        with self._calls.in_call:
+        with self._calls.in_call():
             command = self._steering.steer(
                 free_space, velocity_mps, target_bearing_rad, target_distance_m, pending_mps, moving, speed_mps
             )
@@ -375,28 +209,3 @@ def own_frame(frame: UInt8Array) -> UInt8Array:
     if frame.base is None and not frame.flags.writeable:
         return frame
     return np.array(frame)
-
-
-def _attachments(run: Run, codec: ValueCodec) -> list[tuple[str, str, bytes]]:
-    """Return what a recording carries with it: the run, exactly; camera and colours as their own files; versions."""
-    files = [(RUN_ATTACHMENT, "application/json", codec.to_json(run))]
-    with TemporaryDirectory() as folder:
-        camera, colors = Path(folder) / "camera.toml", Path(folder) / "colors.toml"
-        save_camera(run.camera, camera)
-        files.append((camera.name, "application/toml", camera.read_bytes()))
-        if run.colors is not None:
-            save_colors(run.colors, colors)
-            files.append((colors.name, "application/toml", colors.read_bytes()))
-    field = {"name": run.field.name, "source": run.field.source}
-    files.append(("field.json", "application/json", json.dumps(field, indent=1).encode()))
-    versions = {name: _version(name) for name in _PACKAGES}
-    versions |= {"python": platform.python_version(), "machine": platform.machine()}
-    files.append((VERSIONS_ATTACHMENT, "application/json", json.dumps(versions, indent=1).encode()))
-    return files
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"

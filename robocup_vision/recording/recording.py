@@ -20,10 +20,10 @@ from robocup_vision.messages.images import frame_of
 from robocup_vision.messages.topics import pose_of
 from robocup_vision.messages.types import CALL, decode, to_nanoseconds
 from robocup_vision.perception.color_table import Colors
+from robocup_vision.recording.call_writer import RUN_ATTACHMENT, VERSIONS_ATTACHMENT
 from robocup_vision.recording.calls import Call
 from robocup_vision.recording.log_reader import Logged, LogReader
 from robocup_vision.recording.loops import loop_kind
-from robocup_vision.recording.recorder import RUN_ATTACHMENT, VERSIONS_ATTACHMENT
 from robocup_vision.recording.run import Run
 from robocup_vision.recording.values import value_codec
 

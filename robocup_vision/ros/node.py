@@ -335,8 +335,7 @@ class VisionNode:
             "notes": "; ".join(notes),
         }
         self._frames = self._located = 0
-        pairs = [make("diagnostic_msgs/msg/KeyValue", key, value) for key, value in values.items()]
-        status = make("diagnostic_msgs/msg/DiagnosticStatus", level, "robocup_vision", text, "", pairs)
+        status = (level, "robocup_vision", text, "", list(values.items()))
         message = make("diagnostic_msgs/msg/DiagnosticArray", header(now_s, ""), [status])
         return [Outgoing("/diagnostics", message, now_s)]
 

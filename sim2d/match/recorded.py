@@ -13,9 +13,9 @@ from typing import Any
 
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.messages.topics import Outgoing
+from robocup_vision.recording.call_writer import CallWriter, RecorderSettings
 from robocup_vision.recording.calls import Call, view_digest
 from robocup_vision.recording.loops import Changes, FrameStep, Loop, mounting_of
-from robocup_vision.recording.recorder import CallWriter, RecorderSettings
 from robocup_vision.recording.run import Run
 from robocup_vision.view import View
 from sim2d.match.match import Match, Seat

@@ -10,7 +10,8 @@ from field_models.errors import ArgumentError, FrameError
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.live.sources.source import Source, SourceFrame
-from robocup_vision.recording.recorder import Recorder, RecorderSettings
+from robocup_vision.recording.call_writer import RecorderSettings
+from robocup_vision.recording.recorder import Recorder
 from robocup_vision.view import View
 
 # a source without a frame for this time is asked whether something is wrong

@@ -23,9 +23,9 @@ from robocup_vision.recording.bags.bag import Bag
 from robocup_vision.recording.bags.bag_frames import BagTopics, dataset_of_bag
 from robocup_vision.recording.bags.stream import Frames, StreamDataset, order_note, with_frames
 from robocup_vision.recording.bags.topic_times import rising
+from robocup_vision.recording.call_writer import RUN_ATTACHMENT
 from robocup_vision.recording.calls import DROPPED, LOOK, STEER
 from robocup_vision.recording.log_reader import LogReader
-from robocup_vision.recording.recorder import RUN_ATTACHMENT
 from robocup_vision.recording.recording import Recording
 
 

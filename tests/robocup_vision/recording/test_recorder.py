@@ -17,9 +17,9 @@ from field_models.errors import ArgumentError, FileError, RobocupVisionError
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.types import decode, encode
 from robocup_vision.recording import Recorder, RecorderSettings, Recording
+from robocup_vision.recording.call_writer import CallWriter
 from robocup_vision.recording.log_reader import LogReader
 from robocup_vision.recording.loops import Changes, loop_kind
-from robocup_vision.recording.recorder import CallWriter
 from robocup_vision.recording.run import Run
 
 

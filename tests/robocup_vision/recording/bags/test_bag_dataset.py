@@ -25,8 +25,8 @@ from robocup_vision.recording.bags.bag_dataset import load_bag, recorded_steerin
 from robocup_vision.recording.bags.bag_frames import BagTopics
 from robocup_vision.recording.bags.stream import pose_at
 from robocup_vision.recording.bags.topic_times import TopicTimes, rising
+from robocup_vision.recording.call_writer import RecorderSettings
 from robocup_vision.recording.log_reader import LogReader
-from robocup_vision.recording.recorder import RecorderSettings
 from robocup_vision.recording.recording import Recording
 
 pytestmark = pytest.mark.usefixtures("without_plots")
