@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -19,7 +18,7 @@ _MAGIC = b"\x89MCAP0\r\n"
 _RECORD = struct.Struct("<BQ")
 _CHUNK_TIMES = struct.Struct("<QQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
-_CHUNK, _ATTACHMENT, _METADATA, _DATA_END, _FOOTER, _HEADER = 0x06, 0x09, 0x0C, 0x0F, 0x02, 0x01
+_CHUNK, _ATTACHMENT, _METADATA, _DATA_END, _FOOTER = 0x06, 0x09, 0x0C, 0x0F, 0x02
 _SCHEMA, _CHANNEL, _MESSAGE = 0x03, 0x04, 0x05
 _CDR = "cdr"
 
@@ -43,22 +42,17 @@ class _Place(NamedTuple):
     is_chunk: bool
 
 
-@dataclass(slots=True)
-class _Contents:
-    places: list[_Place] = field(default_factory=list)
-    attachments: dict[str, bytes] = field(default_factory=dict)
-    notes: dict[str, str] = field(default_factory=dict)
-    # of the summary at the end, which a cut file has not
-    schemas: dict[int, str] = field(default_factory=dict)
-    channels: dict[int, tuple[str, str]] = field(default_factory=dict)
-    library: str = ""
-    # all data was written; the end of the file, too, which tells what is in it
-    is_whole: bool = False
-    has_end: bool = False
-
-
 class LogReader:
     """Reads the messages of an MCAP file in the order they were written.
+
+    Attributes
+    ----------
+    attachments : dict of str to bytes
+        Contents by name.
+    notes : dict of str to str
+        What its writer noted when it closed the file; empty for a cut file.
+    is_whole : bool
+        Whether its writer closed it; False: it was cut off.
 
     Raises
     ------
@@ -71,47 +65,34 @@ class LogReader:
     def __init__(self, path: str | Path) -> None:
         require_ros_extra()
         self.path = Path(path)
+        self.attachments: dict[str, bytes] = {}
+        self.notes: dict[str, str] = {}
+        self.is_whole = False
+        self._places: list[_Place] = []
+        # of the summary at the end, which a cut file has not
+        self._schemas: dict[int, str] = {}
+        self._channels: dict[int, tuple[str, str]] = {}
+        self._has_end = False
         try:
             with self.path.open("rb") as stream:
-                self._contents = self._scan(stream)
+                self._scan(stream)
         except OSError as error:
             raise FileError(path, f"cannot be read ({error.strerror or error})") from None
 
     @property
     def topics(self) -> dict[str, str]:
         """Names of the messages' types by topic; what is in no CDR has its encoding behind the type's name."""
-        if self._contents.has_end and self._contents.channels:
-            return dict(self._contents.channels.values())
+        if self._has_end and self._channels:
+            return dict(self._channels.values())
         # without a summary, channels are known from the chunks alone
         return {logged.topic: logged.type_name for logged in self.messages(on_damage=lambda problem: None)}
 
     @property
-    def attachments(self) -> dict[str, bytes]:
-        """Contents by name."""
-        return self._contents.attachments
-
-    @property
-    def notes(self) -> dict[str, str]:
-        """What its writer noted when it closed the file; empty for a cut file."""
-        return self._contents.notes
-
-    @property
-    def library(self) -> str:
-        """Who wrote it."""
-        return self._contents.library
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether its writer closed it; False: it was cut off."""
-        return self._contents.is_whole
-
-    @property
     def span_ns(self) -> tuple[int, int] | None:
         """First and last time of its messages; None where there are none."""
-        places = self._contents.places
-        if not places:
+        if not self._places:
             return None
-        return min(place.first_ns for place in places), max(place.last_ns for place in places)
+        return min(place.first_ns for place in self._places), max(place.last_ns for place in self._places)
 
     def messages(
         self, from_ns: int | None = None, to_ns: int | None = None, on_damage: Callable[[str], None] | None = None
@@ -130,10 +111,10 @@ class LogReader:
         """
         from mcap.records import Channel, Message, Schema
 
-        schemas, channels = dict(self._contents.schemas), dict(self._contents.channels)
+        schemas, channels = dict(self._schemas), dict(self._channels)
         is_known = bool(channels)
         with self.path.open("rb") as stream:
-            for place in self._contents.places:
+            for place in self._places:
                 is_outside = (to_ns is not None and place.first_ns > to_ns) or (
                     from_ns is not None and place.last_ns < from_ns
                 )
@@ -168,13 +149,12 @@ class LogReader:
             return [Message.read(ReadDataStream(stream), place.length)]
         return list(breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True))
 
-    def _scan(self, stream: IO[bytes]) -> _Contents:
+    def _scan(self, stream: IO[bytes]) -> None:
         """Find chunks and messages by their records' headers, without reading what is in them."""
         if stream.read(len(_MAGIC)) != _MAGIC:
             raise FileError(self.path, "is not an MCAP file")
-        contents = _Contents()
         size = self.path.stat().st_size
-        while not contents.has_end:
+        while not self._has_end:
             head = stream.read(_RECORD.size)
             if len(head) < _RECORD.size:
                 break
@@ -183,43 +163,39 @@ class LogReader:
             if offset + length > size:
                 break
             try:
-                _take_record(contents, stream, opcode, offset, length)
+                self._take_record(stream, opcode, offset, length)
             except OSError:
                 raise
             except Exception:  # damaged, as mcap, struct or the text's encoding find it: what follows has no meaning
                 break
             stream.seek(offset + length)
-        return contents
 
+    def _take_record(self, stream: IO[bytes], opcode: int, offset: int, length: int) -> None:
+        from mcap.data_stream import ReadDataStream
+        from mcap.records import Attachment, Channel, Metadata, Schema
 
-def _take_record(contents: _Contents, stream: IO[bytes], opcode: int, offset: int, length: int) -> None:
-    from mcap.data_stream import ReadDataStream
-    from mcap.records import Attachment, Channel, Header, Metadata, Schema
-
-    data = ReadDataStream(stream)
-    if opcode == _CHUNK:
-        first_ns, last_ns = _CHUNK_TIMES.unpack(stream.read(_CHUNK_TIMES.size))
-        contents.places.append(_Place(offset, length, first_ns, last_ns, is_chunk=True))
-    elif opcode == _MESSAGE:
-        _, _, time_ns, _ = _MESSAGE_HEAD.unpack(stream.read(_MESSAGE_HEAD.size))
-        contents.places.append(_Place(offset, length, time_ns, time_ns, is_chunk=False))
-    elif opcode == _ATTACHMENT:
-        attachment = Attachment.read(data)
-        contents.attachments[attachment.name] = attachment.data
-    elif opcode == _METADATA:
-        contents.notes.update(Metadata.read(data).metadata)
-    elif opcode == _HEADER:
-        contents.library = Header.read(data).library
-    elif opcode == _SCHEMA:
-        schema = Schema.read(data)
-        contents.schemas[schema.id] = schema.name
-    elif opcode == _CHANNEL:
-        channel = Channel.read(data)
-        contents.channels[channel.id] = (channel.topic, _type_name(channel, contents.schemas))
-    elif opcode == _DATA_END:
-        contents.is_whole = True
-    elif opcode == _FOOTER:
-        contents.has_end = True
+        data = ReadDataStream(stream)
+        if opcode == _CHUNK:
+            first_ns, last_ns = _CHUNK_TIMES.unpack(stream.read(_CHUNK_TIMES.size))
+            self._places.append(_Place(offset, length, first_ns, last_ns, is_chunk=True))
+        elif opcode == _MESSAGE:
+            _, _, time_ns, _ = _MESSAGE_HEAD.unpack(stream.read(_MESSAGE_HEAD.size))
+            self._places.append(_Place(offset, length, time_ns, time_ns, is_chunk=False))
+        elif opcode == _ATTACHMENT:
+            attachment = Attachment.read(data)
+            self.attachments[attachment.name] = attachment.data
+        elif opcode == _METADATA:
+            self.notes.update(Metadata.read(data).metadata)
+        elif opcode == _SCHEMA:
+            schema = Schema.read(data)
+            self._schemas[schema.id] = schema.name
+        elif opcode == _CHANNEL:
+            channel = Channel.read(data)
+            self._channels[channel.id] = (channel.topic, _type_name(channel, self._schemas))
+        elif opcode == _DATA_END:
+            self.is_whole = True
+        elif opcode == _FOOTER:
+            self._has_end = True
 
 
 def _type_name(channel: Any, schemas: dict[int, str]) -> str:

@@ -14,12 +14,12 @@ from contextlib import closing
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple, Protocol
+from typing import Any
 
 from field_models.errors import FileError, PacketError, RobocupVisionError
 from robocup_vision.files.images import IMAGE_SUFFIXES
 from robocup_vision.messages.types import decode, require_ros_extra
-from robocup_vision.recording.log_reader import LogReader
+from robocup_vision.recording.log_reader import Logged, LogReader
 
 _METADATA = "metadata.yaml"
 _PACKED = ".zstd"
@@ -38,24 +38,17 @@ def is_bag(path: str | Path) -> bool:
     return not has_images and not (path / "dataset.toml").is_file() and bool(_message_files(path))
 
 
-class _Message(NamedTuple):
-    time_ns: int
-    type_name: str
-    data: bytes
-
-
-class _Part(Protocol):
+class _Part:
     """One message file."""
 
-    @property
-    def topics(self) -> Mapping[str, str]: ...
+    topics: Mapping[str, str]
+    is_whole = True
 
-    @property
-    def is_whole(self) -> bool: ...
+    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[Logged]:
+        raise NotImplementedError
 
-    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[_Message]: ...
-
-    def decode(self, data: bytes, type_name: str) -> Any: ...
+    def decode(self, message: Logged) -> Any:
+        return decode(message.data, message.type_name)
 
 
 class Bag:
@@ -99,11 +92,6 @@ class Bag:
                 self._note(f"{file.name}: was cut off: read up to its last whole chunk")
         if not self.topics:
             raise FileError(path, "; ".join(["holds no message that can be read", *self.notes]))
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether it was closed properly."""
-        return all(part.is_whole for _, part in self._parts)
 
     def messages(self, topic: str) -> Iterator[tuple[float, Any]]:
         """Yield time, seconds, and message of a topic, in the order of the file; a message that is none is its error.
@@ -192,51 +180,39 @@ class Bag:
         return Path(self._unpacked.name)
 
 
-class _McapPart:
+class _McapPart(_Part):
     def __init__(self, file: Path) -> None:
         self._reader = LogReader(file)
         self.is_whole = self._reader.is_whole
         self.topics = self._reader.topics
 
-    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[_Message]:
-        for logged in self._reader.messages(on_damage=on_damage):
-            if logged.topic == topic:
-                yield _Message(logged.time_ns, logged.type_name, logged.data)
-
-    def decode(self, data: bytes, type_name: str) -> Any:
-        return decode(data, type_name)
+    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[Logged]:
+        return (logged for logged in self._reader.messages(on_damage=on_damage) if logged.topic == topic)
 
 
-class _SqlitePart:
-    is_whole = True
-
+class _SqlitePart(_Part):
     def __init__(self, file: Path) -> None:
         self._file = file
         with closing(self._connect()) as database:
             rows = database.execute("SELECT name, type, serialization_format FROM topics").fetchall()
         self.topics = {name: kind if form == "cdr" else f"{kind} ({form})" for name, kind, form in rows}
 
-    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[_Message]:
+    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[Logged]:
         with closing(self._connect()) as database:
             yield from (
-                _Message(*row)
+                Logged(*row)
                 for row in database.execute(
-                    "SELECT timestamp, type, data FROM messages JOIN topics ON topics.id = topic_id WHERE name = ?"
-                    " ORDER BY timestamp, messages.id",
+                    "SELECT name, type, timestamp, data FROM messages JOIN topics ON topics.id = topic_id"
+                    " WHERE name = ? ORDER BY timestamp, messages.id",
                     (topic,),
                 )
             )
-
-    def decode(self, data: bytes, type_name: str) -> Any:
-        return decode(data, type_name)
 
     def _connect(self) -> sqlite3.Connection:
         return sqlite3.connect(f"{self._file.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
 
 
-class _Ros1Part:
-    is_whole = True
-
+class _Ros1Part(_Part):
     def __init__(self, file: Path) -> None:
         from rosbags.typesys import Stores, get_typestore
 
@@ -244,14 +220,14 @@ class _Ros1Part:
         with self._reader() as reader:
             self.topics = {connection.topic: connection.msgtype for connection in reader.connections}
 
-    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[_Message]:
+    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[Logged]:
         with self._reader() as reader:
             connections = [connection for connection in reader.connections if connection.topic == topic]
             for connection, time_ns, data in reader.messages(connections) if connections else ():
-                yield _Message(time_ns, connection.msgtype, data)
+                yield Logged(topic, connection.msgtype, time_ns, data)
 
-    def decode(self, data: bytes, type_name: str) -> Any:
-        return self._types.deserialize_ros1(data, type_name)
+    def decode(self, message: Logged) -> Any:
+        return self._types.deserialize_ros1(message.data, message.type_name)
 
     def _reader(self) -> Any:
         from rosbags.rosbag1 import Reader
@@ -286,14 +262,13 @@ def _named_files(metadata: Path) -> list[str] | None:
         return None
 
 
-def _decoded(part: _Part, message: _Message) -> Any:
-    data = message.data
+def _decoded(part: _Part, message: Logged) -> Any:
     try:
-        if data[:4] == _ZSTD_MAGIC:
+        if message.data[:4] == _ZSTD_MAGIC:
             from zstandard import ZstdDecompressor
 
-            data = ZstdDecompressor().decompressobj().decompress(data)
-        return part.decode(data, message.type_name)
+            message = message._replace(data=ZstdDecompressor().decompressobj().decompress(message.data))
+        return part.decode(message)
     except Exception as error:  # rosbags raises errors of several kinds
         return PacketError(f"a message is no {message.type_name} ({_one_line(error)})")
 
