@@ -12,6 +12,7 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.files.images import opaque_bgr
 from robocup_vision.messages.types import header, make
 
+IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 ImageFormat = Literal["raw", "png", "jpeg"]
 _JPEG_BEGIN, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 IMAGE_FORMATS: tuple[ImageFormat, ...] = ("raw", "png", "jpeg")

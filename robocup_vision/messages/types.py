@@ -182,6 +182,11 @@ def to_nanoseconds(t_s: float) -> int:
     return round(t_s * 1e9)
 
 
+def time_of(message: Any, now_s: float) -> float:
+    """Return when a message was stamped, seconds; the clock stands in for a stamp that is zero."""
+    return to_seconds(message.header.stamp) or now_s
+
+
 def to_seconds(time: Any) -> float:
     """Return a ROS time in seconds."""
     return float(time.sec) + 1e-9 * float(time.nanosec)

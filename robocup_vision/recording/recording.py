@@ -16,7 +16,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import Mounting, PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.messages.images import frame_of
+from robocup_vision.messages.images import IMAGE_TYPES, frame_of
 from robocup_vision.messages.topics import pose_of
 from robocup_vision.messages.types import CALL, decode, to_nanoseconds
 from robocup_vision.perception.color_table import Colors
@@ -27,7 +27,6 @@ from robocup_vision.recording.loops import loop_kind
 from robocup_vision.recording.run import Run
 from robocup_vision.recording.values import value_codec
 
-_IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _TRUTH, _COMMAND = "/truth/pose", "/cmd_vel"
 
 
@@ -127,7 +126,7 @@ class Recording:
         """
         image: Logged | None = None
         for logged in self._messages(from_s, to_s):
-            if logged.type_name in _IMAGES:
+            if logged.type_name in IMAGE_TYPES:
                 image = logged
             elif logged.type_name == CALL:
                 yield self._call(logged, image)

@@ -10,12 +10,12 @@ import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from field_models.errors import ArgumentError, PacketError, RobocupVisionError
+from field_models.errors import ArgumentError
 from robocup_vision.messages.topics import Outgoing
-from robocup_vision.messages.types import decode, encode, prepare
+from robocup_vision.messages.types import encode, prepare
 from robocup_vision.ros.node import VisionNode
 from robocup_vision.ros.settings import NodeSettings
-from robocup_vision.ros.type_support import forget_error, raw_class
+from robocup_vision.ros.type_support import forget_error, raw_class, require_rclpy, subscribe
 
 NODE_NAME = "robocup_vision"
 _DIAGNOSTICS_S = 1.0
@@ -41,14 +41,10 @@ def run_node(settings: NodeSettings, arguments: Sequence[str] = ()) -> None:
     RobocupVisionError
         If rclpy or the standard messages are not installed, or an option is wrong.
     """
-    try:
-        import rclpy
-        from rclpy.executors import ExternalShutdownException
-    except ImportError as error:
-        raise RobocupVisionError(
-            "the node needs rclpy: source a ROS 2 installation, or install wheels such as"
-            f" ros-kilted-rclpy[fastrtps] ({error})"
-        ) from None
+    require_rclpy("the node")
+    import rclpy
+    from rclpy.executors import ExternalShutdownException
+
     rclpy.init(args=list(arguments))
     try:
         node = rclpy.create_node(NODE_NAME)
@@ -104,29 +100,17 @@ class _Bridge:
         node.get_logger().info(f"listening to {settings.image_topic}; field {settings.field}, camera {settings.camera}")
 
     def _listen(self, topic: str, name: str, handler: Handler, depth: int) -> None:
-        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-
-        kind = raw_class(name)
-        if kind is None:
-            raise RobocupVisionError(f"message type {name} is not installed, topic {topic} cannot be listened to")
-        prepare([name])
-        # best effort hears reliable publishers, too
-        quality = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
-        if topic == "/tf_static":
-            # what was published once, before the node came
-            quality = QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-        def on_bytes(data: bytes) -> None:
-            try:
-                message = decode(data, name)
-            except PacketError as error:
-                self._node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=1.0)
-                return
+        def on_message(message: Any) -> None:
             self._send(handler(message, self._now_s()))
-            self._log_news()
+            for text in self._vision.take_news():
+                self._node.get_logger().warning(text)
 
-        self._node.create_subscription(kind, topic, on_bytes, quality, raw=True)
-        forget_error()
+        # what was published once, before the node came
+        is_latched = topic == "/tf_static"
+        subscribe(self._node, topic, name, on_message, self._warn, depth, is_latched=is_latched)
+
+    def _warn(self, problem: str) -> None:
+        self._node.get_logger().warning(problem, throttle_duration_sec=1.0)
 
     def _send(self, messages: Iterable[Outgoing]) -> None:
         for topic, message, _ in messages:
@@ -156,10 +140,6 @@ class _Bridge:
                 f"not published, for their packages are not installed: {', '.join(self._missing)}"
             )
         return publishers
-
-    def _log_news(self) -> None:
-        for text in self._vision.take_news():
-            self._node.get_logger().warning(text)
 
     def _tell_diagnostics(self) -> None:
         notes = tuple(f"{topic} is not installed" for topic in self._missing)

@@ -32,7 +32,7 @@ from robocup_vision.messages.topics import (
     covariance_3x3,
     pose_of,
 )
-from robocup_vision.messages.types import header, make, to_seconds
+from robocup_vision.messages.types import header, make, time_of
 from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.color_table import load_colors
 from robocup_vision.ros.settings import NodeSettings
@@ -173,7 +173,7 @@ class VisionNode:
             The clock; stands in for a stamp that is zero.
         """
         self._last_image_s = now_s
-        t_s = _time_of(message, now_s)
+        t_s = time_of(message, now_s)
         self._note_time(t_s)
         if not (self.settings.use_tf or self.settings.has_joints):
             return self._look_at(message, t_s, None)
@@ -198,7 +198,7 @@ class VisionNode:
     def on_joint_states(self, message: Any, now_s: float) -> list[Outgoing]:
         """Take sensor_msgs/JointState in, with `pan_joint` or `tilt_joint`: an image that waits for it is looked at."""
         if self._joints is not None:
-            self._joints.add(message, _time_of(message, now_s))
+            self._joints.add(message, time_of(message, now_s))
         return self._look_when_mounting_known()
 
     def _look_when_mounting_known(self) -> list[Outgoing]:
@@ -255,7 +255,7 @@ class VisionNode:
 
     def on_odometry(self, message: Any, now_s: float) -> list[Outgoing]:
         """Take nav_msgs/Odometry in: the pose moves with it."""
-        t_s = _time_of(message, now_s)
+        t_s = time_of(message, now_s)
         pose, twist = self._pose_in("odometry", message.pose.pose), message.twist.twist
         if pose is None:
             return []
@@ -393,8 +393,3 @@ class VisionNode:
         distance_m, bearing_rad = math.hypot(there.x_m, there.y_m), math.atan2(there.y_m, there.x_m)
         command = self._steering.steer(view.free_space, self._velocity_mps, bearing_rad, distance_m)
         return self._topics.of_command(command, t_s)
-
-
-def _time_of(message: Any, now_s: float) -> float:
-    stamp = message.header.stamp
-    return to_seconds(stamp) if stamp.sec or stamp.nanosec else now_s

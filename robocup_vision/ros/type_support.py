@@ -1,4 +1,4 @@
-"""Message types whose ROS packages are not installed: their type support is made of this library's message texts.
+"""Topics of rclpy with messages as bytes; and types whose ROS packages are not installed, by this library's texts.
 
 Messages pass as CDR bytes, so of a type ROS needs no more than its name, its hash and its description. Fast DDS alone
 (rmw_fastrtps_cpp): other middlewares read messages member by member.
@@ -7,12 +7,14 @@ Messages pass as CDR bytes, so of a type ROS needs no more than its name, its ha
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from typing import Any
 
-from robocup_vision.messages.types import describe, type_hash
+from field_models.errors import FrameError, PacketError, RobocupVisionError
+from robocup_vision.messages.types import decode, describe, prepare, type_hash
 
 _FAST_DDS = "rmw_fastrtps_cpp"
 _IDENTIFIER = b"rosidl_typesupport_fastrtps_c"
@@ -72,6 +74,71 @@ class _Support(ctypes.Structure):
 class _Callbacks(ctypes.Structure):
     # message_type_support_callbacks_t; what serialises is another type's, and is never called
     _fields_ = [("namespace", ctypes.c_char_p), ("name", ctypes.c_char_p), ("others", ctypes.c_void_p * 5)]
+
+
+def require_rclpy(what: str) -> None:
+    """Refuse to go on without rclpy; `what` needs it.
+
+    Raises
+    ------
+    RobocupVisionError
+        If it is not installed.
+    """
+    try:
+        import rclpy  # noqa: F401
+    except ImportError as error:
+        raise RobocupVisionError(
+            f"{what} needs rclpy: source a ROS 2 installation, or install wheels such as"
+            f" ros-kilted-rclpy[fastrtps] ({error})"
+        ) from None
+
+
+def subscribe(
+    node: Any,
+    topic: str,
+    name: str,
+    on_message: Callable[[Any], None],
+    on_problem: Callable[[str], None],
+    depth: int,
+    *,
+    is_latched: bool = False,
+) -> Any:
+    """Listen to a topic; return rclpy's subscription.
+
+    Parameters
+    ----------
+    name : str
+        Type of its messages.
+    on_problem : callable
+        Takes what is wrong with a message.
+    is_latched : bool
+        Whether what was published before counts, too.
+
+    Raises
+    ------
+    RobocupVisionError
+        If the type is not installed and cannot be made.
+    """
+    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+    kind = raw_class(name)
+    if kind is None:
+        raise RobocupVisionError(f"topic {topic}: message type {name} is not installed")
+    prepare([name])
+    # best effort hears reliable publishers, too
+    quality = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+    if is_latched:
+        quality = QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+    def on_bytes(data: bytes) -> None:
+        try:
+            on_message(decode(data, name))
+        except (PacketError, FrameError) as error:
+            on_problem(f"topic {topic}: {error}")
+
+    subscription = node.create_subscription(kind, topic, on_bytes, quality, raw=True)
+    forget_error()
+    return subscription
 
 
 @cache

@@ -10,20 +10,20 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from typing import Any, Protocol
 
-from field_models.errors import ArgumentError, FrameError, PacketError, RobocupVisionError
+from field_models.errors import ArgumentError, PacketError, RobocupVisionError
 from robocup_vision.closing import Closing
 from robocup_vision.geometry import Pose2
 from robocup_vision.live.handover.moment import RobotSetup
 from robocup_vision.live.sources.source import Newest, SourceFrame, SourceOptions, setup_by_options, vision_by_options
-from robocup_vision.messages.images import frame_of
+from robocup_vision.messages.images import IMAGE_TYPES, frame_of
 from robocup_vision.messages.topics import pose_of
-from robocup_vision.messages.types import decode, prepare, to_seconds
-from robocup_vision.ros.type_support import forget_error, raw_class
+from robocup_vision.messages.types import time_of
+from robocup_vision.ros.type_support import require_rclpy, subscribe
 from robocup_vision.vision import Vision
 
-IMAGE_TYPES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 ODOMETRY_TYPES = ("nav_msgs/msg/Odometry",)
 _NODE_NAME = "robocup_vision_live"
 # a camera's stamps may come a little out of order; farther back a bag was begun anew
@@ -95,10 +95,8 @@ class TopicSource:
 
     def on_image(self, message: Any, now_s: float) -> None:
         """Take an Image or CompressedImage; the clock stands in for a stamp that is zero."""
-        stamp = message.header.stamp
-        t_s = to_seconds(stamp) if stamp.sec or stamp.nanosec else now_s
         self._problems[self.name] = ""
-        self._newest.put((message, t_s, self._odometry))
+        self._newest.put((message, time_of(message, now_s), self._odometry))
 
     def on_odometry(self, message: Any, now_s: float) -> None:
         """Take a nav_msgs/Odometry; one whose pose is none is left out."""
@@ -173,14 +171,10 @@ class _Listener(Closing):
     def __init__(
         self, topics: Mapping[str, tuple[tuple[str, ...], Handler]], on_problem: Callable[[str, str], None]
     ) -> None:
-        try:
-            import rclpy
-            from rclpy.executors import SingleThreadedExecutor
-        except ImportError as error:
-            raise RobocupVisionError(
-                "a ROS topic needs rclpy: source a ROS 2 installation, or install wheels such as"
-                f" ros-kilted-rclpy[fastrtps] ({error})"
-            ) from None
+        require_rclpy("a ROS topic")
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+
         self._topics, self._on_problem = topics, on_problem
         self._context = rclpy.Context()
         self._context.init()
@@ -223,24 +217,21 @@ class _Listener(Closing):
                 self._on_problem(topic, self._subscribe(topic, kind, handler))
 
     def _subscribe(self, topic: str, kind: str, handler: Handler) -> str:
-        from rclpy.qos import QoSProfile, ReliabilityPolicy
-
-        message = raw_class(kind)
-        if message is None:
-            return f"topic {topic}: message type {kind} is not installed"
-        prepare([kind])
-
-        def on_bytes(data: bytes) -> None:
-            try:
-                handler(decode(data, kind), time.time())
-            except (PacketError, FrameError) as error:
-                self._on_problem(topic, f"topic {topic}: {error}")
-
-        # best effort hears reliable publishers, too; the newest image alone: what waits is old
-        quality = QoSProfile(depth=1 if kind in IMAGE_TYPES else 50, reliability=ReliabilityPolicy.BEST_EFFORT)
+        # the newest image alone: what waits is old
+        depth = 1 if kind in IMAGE_TYPES else 50
+        try:
+            subscription = subscribe(
+                self._node,
+                topic,
+                kind,
+                lambda message: handler(message, time.time()),
+                partial(self._on_problem, topic),
+                depth,
+            )
+        except RobocupVisionError as error:
+            return str(error)
         old = self._heard.get(topic)
         if old is not None:
             self._node.destroy_subscription(old[1])
-        self._heard[topic] = kind, self._node.create_subscription(message, topic, on_bytes, quality, raw=True)
-        forget_error()
+        self._heard[topic] = kind, subscription
         return ""

@@ -14,12 +14,11 @@ from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.evaluation.dataset import FrameTime, Truth
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.camera_infos import camera_info_problem
-from robocup_vision.messages.images import frame_of, is_rgb_inside
+from robocup_vision.messages.images import IMAGE_TYPES, frame_of, is_rgb_inside
 from robocup_vision.recording.bags.bag import Bag
 from robocup_vision.recording.bags.stream import MAX_GAP_S, Frames, StreamDataset, order_note, pose_at, with_frames
 from robocup_vision.recording.bags.topic_times import PoseTopic, TopicTimes, rising, stamp_s
 
-_IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _ODOMETRY = ("nav_msgs/msg/Odometry",)
 _POSES = (
     "geometry_msgs/msg/PoseStamped",
@@ -52,7 +51,7 @@ def dataset_of_bag(plain: StreamDataset, bag: Bag, topics: BagTopics) -> StreamD
     FileError
         If a topic is missing or of another type, or it is not clear which one is meant; if there is no frame.
     """
-    image_topic = _topic(bag, "image", topics.image, _IMAGES) or ""
+    image_topic = _topic(bag, "image", topics.image, IMAGE_TYPES) or ""
     truth_topic = None if topics.truth is None else _topic(bag, "truth", topics.truth, _POSES)
     if topics.truth is None:
         truth_topic = next((name for name in bag.topics if name.endswith("/truth/pose")), None)
