@@ -14,7 +14,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera import load_camera
 from robocup_vision.geometry import Pose2
 from robocup_vision.live.handover.moment import RobotPlan, RobotSetup, TrueRobot, TrueWorld
-from robocup_vision.live.sources.source import SourceFrame, SourceOptions
+from robocup_vision.live.sources.source import PlacingSource, SourceFrame, SourceOptions
 from robocup_vision.recording.loops import mounting_of
 from robocup_vision.view import RigView
 from robocup_vision.vision import Vision
@@ -66,7 +66,7 @@ def open_match(text: str, options: SourceOptions) -> MatchSource:
     return MatchSource(f"sim:{text}", match, _robots(text, chosen.get("robots", "0"), 2 * match.arena.players))
 
 
-class MatchSource:
+class MatchSource(PlacingSource):
     """A match that goes on for as long as it is read.
 
     Parameters
@@ -76,8 +76,6 @@ class MatchSource:
     """
 
     waits = True
-    duration_s = None
-    problem = ""
 
     def __init__(self, name: str, match: Match, robots: tuple[int, ...]) -> None:
         self.name = name
@@ -97,10 +95,6 @@ class MatchSource:
         moment = self._match.step()
         frames = (self._frame(moment, index) for index in self._robots)
         return tuple(frame for frame in frames if frame is not None)
-
-    def seek(self, t_s: float) -> None:
-        """Refuse: a match is played forwards."""
-        raise ArgumentError("a match cannot go to a time")
 
     def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
         """Put a robot or the ball elsewhere, at rest: no robot's odometry measures that.
@@ -126,9 +120,6 @@ class MatchSource:
             raise ArgumentError(
                 f"there is no {thing!r} in this match, only the ball and robots 0 to {len(self._names) - 1}"
             )
-
-    def close(self) -> None:
-        """Nothing is held open."""
 
     def _frame(self, moment: Moment, index: int) -> SourceFrame | None:
         robot, truth = moment.robots[index], moment.state.robots[index]

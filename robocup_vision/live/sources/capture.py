@@ -15,11 +15,18 @@ from typing import Protocol, cast
 import cv2
 import numpy as np
 
-from field_models.errors import ArgumentError, FileError, FrameError, RobocupVisionError
+from field_models.errors import FileError, FrameError, RobocupVisionError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.files.video import open_video
 from robocup_vision.live.handover.moment import RobotSetup
-from robocup_vision.live.sources.source import Newest, SourceFrame, SourceOptions, setup_by_options, vision_by_options
+from robocup_vision.live.sources.source import (
+    Newest,
+    Source,
+    SourceFrame,
+    SourceOptions,
+    setup_by_options,
+    vision_by_options,
+)
 from robocup_vision.vision import Vision
 
 # a camera that is gone is looked for as often as this
@@ -45,7 +52,7 @@ class Capture(Protocol):
         ...
 
 
-class CameraSource:
+class CameraSource(Source):
     """A camera or a stream: frames come by themselves.
 
     Parameters
@@ -62,7 +69,6 @@ class CameraSource:
     """
 
     waits = False
-    duration_s = None
 
     def __init__(
         self,
@@ -79,7 +85,6 @@ class CameraSource:
         if not capture.isOpened():
             capture.release()
             raise RobocupVisionError(f"{name}: no camera or stream can be opened there")
-        self.problem = ""
         self._newest = Newest[tuple[float, UInt8Array]]()
         self._begin_s = time.monotonic()
         self._thread = threading.Thread(target=self._follow, args=(capture,), name=f"camera {name}", daemon=True)
@@ -96,10 +101,6 @@ class CameraSource:
             return None if self._newest.is_closed else ()
         t_s, frame = newest
         return (SourceFrame(self.name, checked_frame(frame), t_s),)
-
-    def seek(self, t_s: float) -> None:
-        """Refuse: what a camera saw is gone."""
-        raise ArgumentError("a camera cannot go to a time")
 
     def close(self) -> None:
         """Let go of the camera."""
@@ -121,8 +122,8 @@ class CameraSource:
         capture.release()
 
 
-class VideoSource:
-    """A video file, at its own rate.
+class VideoSource(Source):
+    """A video file, at its own rate; it cannot go to a time, which is not exact in most containers.
 
     Raises
     ------
@@ -131,7 +132,6 @@ class VideoSource:
     """
 
     waits = True
-    duration_s = None
 
     def __init__(self, path: str | Path, options: SourceOptions) -> None:
         self.name = str(path)
@@ -144,7 +144,6 @@ class VideoSource:
         announced = float(self._capture.get(cv2.CAP_PROP_FPS))
         self._rate_hz = announced if 0.1 < announced < 1000.0 else _USUAL_RATE_HZ
         self._number = 0
-        self.problem = ""
 
     def make_vision(self, setup: RobotSetup) -> Vision | None:
         """Return what looks at the frames."""
@@ -158,10 +157,6 @@ class VideoSource:
         t_s = self._number / self._rate_hz
         self._number += 1
         return (SourceFrame(self.name, checked_frame(frame), t_s),)
-
-    def seek(self, t_s: float) -> None:
-        """Refuse: seeking is not exact in most containers."""
-        raise ArgumentError("a video cannot go to a time")
 
     def close(self) -> None:
         """Let go of the file."""

@@ -11,6 +11,7 @@ from robocup_vision.files.images import read_image
 from robocup_vision.geometry import Pose2
 from robocup_vision.live.handover.moment import RobotSetup
 from robocup_vision.live.sources.source import (
+    Source,
     SourceFrame,
     SourceOptions,
     memory_for,
@@ -23,7 +24,7 @@ from robocup_vision.vision import Vision
 _IMAGES_HZ = 2.0
 
 
-class FolderSource:
+class FolderSource(Source):
     """Images of a folder in the order of their names; of a dataset, as its ``dataset.toml`` says.
 
     Parameters
@@ -42,7 +43,6 @@ class FolderSource:
     def __init__(self, path: str | Path, options: SourceOptions) -> None:
         path = Path(path)
         self.name = str(path)
-        self.problem = ""
         self._options = options
         self._dataset: Dataset | None = None
         if (path / "dataset.toml").is_file() or options.camera is not None:
@@ -102,9 +102,6 @@ class FolderSource:
         """Go to the last image that is not later than a time."""
         self._next = max(0, bisect.bisect_right(self._t_s, t_s + 1e-6) - 1)
         self._unused = None
-
-    def close(self) -> None:
-        """Nothing is held open."""
 
     def _motion(self, index: int) -> Pose2 | None:
         """Return the motion since the last image that could be read, and remember it in case this one cannot."""

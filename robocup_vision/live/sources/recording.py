@@ -12,7 +12,7 @@ from field_models import load_field
 from field_models.errors import FileError
 from robocup_vision.camera import load_camera
 from robocup_vision.live.handover.moment import RobotPlan, RobotSetup
-from robocup_vision.live.sources.source import SourceFrame, SourceOptions, memory_for
+from robocup_vision.live.sources.source import Source, SourceFrame, SourceOptions, memory_for
 from robocup_vision.memory import Memory
 from robocup_vision.perception.color_table import load_colors
 from robocup_vision.recording.recording import RecordedFrame, Recording
@@ -24,7 +24,7 @@ _BESIDE_S = 0.2
 T = TypeVar("T")
 
 
-class RecordingSource:
+class RecordingSource(Source):
     """A recording; times count from its beginning.
 
     Parameters
@@ -39,7 +39,6 @@ class RecordingSource:
     """
 
     waits = True
-    problem = ""
 
     def __init__(self, path: str | Path, options: SourceOptions) -> None:
         self.name = str(path)

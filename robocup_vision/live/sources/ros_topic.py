@@ -17,7 +17,14 @@ from field_models.errors import ArgumentError, PacketError, RobocupVisionError
 from robocup_vision.closing import Closing
 from robocup_vision.geometry import Pose2
 from robocup_vision.live.handover.moment import RobotSetup
-from robocup_vision.live.sources.source import Newest, SourceFrame, SourceOptions, setup_by_options, vision_by_options
+from robocup_vision.live.sources.source import (
+    Newest,
+    Source,
+    SourceFrame,
+    SourceOptions,
+    setup_by_options,
+    vision_by_options,
+)
 from robocup_vision.messages.images import IMAGE_TYPES, frame_of
 from robocup_vision.messages.topics import pose_of
 from robocup_vision.messages.types import time_of
@@ -46,7 +53,7 @@ Handler = Callable[[Any, float], None]
 Listen = Callable[[Mapping[str, tuple[tuple[str, ...], Handler]], Callable[[str, str], None]], Subscriber]
 
 
-class TopicSource:
+class TopicSource(Source):
     """Frames of an image topic; the newest counts.
 
     Parameters
@@ -65,7 +72,6 @@ class TopicSource:
     """
 
     waits = False
-    duration_s = None
 
     def __init__(
         self, image_topic: str, odometry_topic: str | None, options: SourceOptions, listen: Listen | None = None
@@ -78,16 +84,12 @@ class TopicSource:
         self._at_last_frame: Pose2 | None = None
         self._first_s: float | None = None
         self._last_s = 0.0
-        self._problems = {image_topic: "no image has come yet"}
+        self._problems: dict[str, str] = {}
+        self._note(image_topic, "no image has come yet")
         topics: dict[str, tuple[tuple[str, ...], Handler]] = {image_topic: (IMAGE_TYPES, self.on_image)}
         if odometry_topic is not None:
             topics[odometry_topic] = (ODOMETRY_TYPES, self.on_odometry)
         self._listener = (listen or _Listener)(topics, self._on_problem)
-
-    @property
-    def problem(self) -> str:
-        """Why no frames come; empty while they do."""
-        return next((text for text in tuple(self._problems.values()) if text), "")
 
     def make_vision(self, setup: RobotSetup) -> Vision | None:
         """Return what looks at the frames."""
@@ -95,7 +97,7 @@ class TopicSource:
 
     def on_image(self, message: Any, now_s: float) -> None:
         """Take an Image or CompressedImage; the clock stands in for a stamp that is zero."""
-        self._problems[self.name] = ""
+        self._note(self.name, "")
         self._newest.put((message, time_of(message, now_s), self._odometry))
 
     def on_odometry(self, message: Any, now_s: float) -> None:
@@ -129,10 +131,6 @@ class TopicSource:
         self._last_s = max(self._last_s, t_s)
         return self._last_s, goes_back
 
-    def seek(self, t_s: float) -> None:
-        """Refuse: what a topic sent is gone."""
-        raise ArgumentError("a ROS topic cannot go to a time")
-
     def close(self) -> None:
         """Listen no more."""
         self._newest.close()
@@ -140,7 +138,11 @@ class TopicSource:
 
     def _on_problem(self, topic: str, problem: str) -> None:
         if problem or topic != self.name:
-            self._problems[topic] = problem
+            self._note(topic, problem)
+
+    def _note(self, topic: str, problem: str) -> None:
+        self._problems[topic] = problem
+        self.problem = next((text for text in tuple(self._problems.values()) if text), "")
 
 
 def open_topic(text: str, options: SourceOptions) -> TopicSource:

@@ -101,30 +101,11 @@ class SourceOptions:
 class Source(Protocol):
     """Gives frames, one moment after the other; one thread reads, another one may close."""
 
-    @property
-    def name(self) -> str:
-        """What the page calls it."""
-        ...
-
-    @property
-    def setups(self) -> tuple[RobotSetup, ...]:
-        """The robots whose frames it gives."""
-        ...
-
-    @property
-    def waits(self) -> bool:
-        """Whether it stands still while nobody reads, as a file does; else frames come, and the newest counts."""
-        ...
-
-    @property
-    def duration_s(self) -> float | None:
-        """Times from 0 to this can be gone to by `seek`; None: none can."""
-        ...
-
-    @property
-    def problem(self) -> str:
-        """Why no frames come; empty while they do."""
-        ...
+    name: str  #: what the page calls it
+    setups: tuple[RobotSetup, ...]  #: the robots whose frames it gives
+    waits: bool  #: whether it stands still while nobody reads, as a file does; else frames come, and the newest counts
+    duration_s: float | None = None  #: times from 0 to this can be gone to by `seek`; None: none can
+    problem: str = ""  #: why no frames come; empty while they do
 
     def make_vision(self, setup: RobotSetup) -> Vision | None:
         """Return what looks at a robot's frames; None where its frames come with views, or it has no camera file."""
@@ -141,12 +122,18 @@ class Source(Protocol):
         ...
 
     def seek(self, t_s: float) -> None:
-        """Go to the last frame that is not later than a time."""
-        ...
+        """Go to the last frame that is not later than a time.
+
+        Raises
+        ------
+        ArgumentError
+            If it cannot go to a time.
+        """
+        raise ArgumentError(f"{self.name} cannot go to a time")
 
     def close(self) -> None:
         """Let go of files and devices."""
-        ...
+        return
 
 
 @runtime_checkable
@@ -262,14 +249,6 @@ class Newest(Generic[T]):
             self._news.notify_all()
 
 
-@dataclass(frozen=True, slots=True)
-class RateChange:
-    """Frames a second before and now."""
-
-    before_hz: float
-    now_hz: float
-
-
 class FrameRate:
     """Measures the rate of one source by the times of its frames."""
 
@@ -284,8 +263,8 @@ class FrameRate:
             return None
         return round((len(self._times) - 1) / (self._times[-1] - self._times[0]), 2)
 
-    def add(self, t_s: float) -> RateChange | None:
-        """Take a frame's time; return how the rate has changed, once for each change that has lasted two seconds."""
+    def add(self, t_s: float) -> tuple[float, float] | None:
+        """Take a frame's time; return the rates before and now, once for each change that has lasted two seconds."""
         if self._times and t_s <= self._times[-1]:
             self.forget()
         self._times.append(t_s)
@@ -302,7 +281,7 @@ class FrameRate:
         if len(half) < 2 or not 0.8 < (len(half) - 1) / (half[-1] - half[0]) / rate < 1.25:
             return None
         self._usual = rate
-        return RateChange(usual, rate)
+        return usual, rate
 
     def forget(self) -> None:
         """Begin anew: the source has gone to another time."""

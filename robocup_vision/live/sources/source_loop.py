@@ -237,7 +237,7 @@ class SourceLoop:
     def _show(self, frames: tuple[SourceFrame, ...]) -> None:
         change = self._rate.add(frames[0].t_s)
         if change is not None and not self.source.waits:
-            rates = f"from {change.before_hz:.1f} to {change.now_hz:.1f} frames a second"
+            rates = "from {:.1f} to {:.1f} frames a second".format(*change)
             self._say(f"{self.source.name}: the rate changed {rates}")
         self.frames += 1
         for frame in frames:
