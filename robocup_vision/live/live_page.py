@@ -14,7 +14,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import IO, Any
 
-from field_models import errors
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.live.handover.controls import Controls, read_message, write_message
 from robocup_vision.live.handover.frame_slots import FrameSlots, Handed
@@ -95,8 +94,7 @@ class LivePage:
         if answer is None:
             raise RobocupVisionError("the page's process ended at its start")
         if answer[0] == "failed":
-            kind: type[RobocupVisionError] = getattr(errors, answer[1], RobocupVisionError)
-            raise (kind if kind is ArgumentError else RobocupVisionError)(answer[2])
+            raise (ArgumentError if answer[1] == ArgumentError.__name__ else RobocupVisionError)(answer[2])
         return str(answer[1]), bool(answer[2])
 
     @property

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-import struct
 from typing import IO, Any
 
 from field_models.errors import ArgumentError
@@ -18,9 +17,6 @@ _REFUSALS = {
     "place": "nothing can be put elsewhere here: only in a simulation",
     "calibrate": "this source needs no calibration: it has a camera file",
 }
-# of a message, before its bytes
-_LENGTH = struct.Struct("<I")
-
 
 # what a page may ask for by name, and what must be offered for it
 _NEEDED = {
@@ -75,16 +71,14 @@ def write_message(pipe: IO[bytes], message: tuple[Any, ...]) -> None:
     OSError, ValueError
         If that process, or the pipe, has ended.
     """
-    data = pickle.dumps(message, pickle.HIGHEST_PROTOCOL)
-    pipe.write(_LENGTH.pack(len(data)) + data)
+    pipe.write(pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
     pipe.flush()
 
 
 def read_message(pipe: IO[bytes]) -> tuple[Any, ...] | None:
     """Read a message of the other process; None when it has ended."""
-    head = pipe.read(_LENGTH.size)
-    if len(head) < _LENGTH.size:
+    try:
+        message: tuple[Any, ...] = pickle.load(pipe)
+    except (EOFError, pickle.UnpicklingError):
         return None
-    (length,) = _LENGTH.unpack(head)
-    data = pipe.read(length)
-    return pickle.loads(data) if len(data) == length else None
+    return message

@@ -80,11 +80,6 @@ class FrameSlots:
         """Return a slot that can be filled; None if all are filled."""
         return next((slot for slot in range(self.count) if self._memory[slot] == _EMPTY), None)
 
-    @property
-    def are_empty(self) -> bool:
-        """Whether nothing waits in any slot."""
-        return not any(self._memory[: self.count])
-
     def fill(self, slot: int, handed: Handed) -> None:
         """Copy a moment into an empty slot; it must fit."""
         begin, (height, width) = self._begin(slot), handed.frame.shape[:2]

@@ -59,7 +59,6 @@ class _PageProcess:
         # guards what follows: moments are taken in a thread of their own
         self._lock = threading.Lock()
         self._slots: FrameSlots | None = None
-        self._names: tuple[str, ...] = ()
         self._readers: tuple[MomentReader, ...] = ()
         self._epoch = 0
         self._ended = threading.Event()
@@ -95,7 +94,6 @@ class _PageProcess:
             if self._controls is not None:
                 self._controls.offers = offers
             self._feed.set_robots(setups)
-            self._names = tuple(setup.name for setup in setups)
             self._readers = tuple(MomentReader() for _ in setups)
             self._epoch = epoch
 
