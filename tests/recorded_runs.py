@@ -14,7 +14,6 @@ from robocup_vision import Memory, MotionLimits, Steering, Vision
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.geometry import Pose2
 from robocup_vision.recording import Recorder, RecorderSettings
-from robocup_vision.recording.calls import look_outputs, steer_outputs
 from sim2d.match.arena import Arena
 from sim2d.robot_link import CONTROL_PERIOD_S, Command
 
@@ -57,29 +56,24 @@ def make_steering() -> Steering:
     return Steering(0.09, LIMITS)
 
 
-def record_run(path: Path, settings: RecorderSettings = RecorderSettings()) -> list[str]:
-    """Record the run by look, predict and steer; return the digests of what they gave, in order."""
-    digests = []
+def record_run(path: Path, settings: RecorderSettings = RecorderSettings()) -> None:
+    """Record the run by look, predict and steer."""
     with Recorder(path, make_vision(), make_steering(), settings) as recorder:
         velocity = (0.0, 0.0)
         for index, now in enumerate(run_frames()):
+            odometry = now.odometry
             if index % 3 == 2:
                 # a control step without a frame, half-way
                 half = Pose2(now.odometry.x_m / 2, now.odometry.y_m / 2, 0.0)
                 recorder.predict(half, now.t_s - CONTROL_PERIOD_S / 2)
-                rest = half.inverse().compose(now.odometry)
-                view = recorder.look(now.frame, t_s=now.t_s, odometry=rest)
-            else:
-                view = recorder.look(now.frame, t_s=now.t_s, odometry=now.odometry)
-            digests.append(str(look_outputs(view)["digest"]))
+                odometry = half.inverse().compose(now.odometry)
+            view = recorder.look(now.frame, t_s=now.t_s, odometry=odometry)
             moving = () if view.belief is None or not view.belief.pose else tuple(
                 track.as_disc(view.belief.pose.pose, 0.09) for track in view.belief.tracks
             )  # fmt: skip
             command = recorder.steer(view.free_space, velocity, math.sin(now.t_s), 1.0, None, moving)
-            digests.append(str(steer_outputs(command)["digest"]))
             velocity = (float(command.velocity_mps[0]), float(command.velocity_mps[1]))
             recorder.add_truth(now.truth, now.t_s, (0.1, 0.2))
-    return digests
 
 
 def is_same(a: object, b: object) -> bool:

@@ -38,7 +38,7 @@ from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.markings.marking import Circle, Crossing, LineSegment, Markings, PenaltyMark, Post
 
 
-def _by_topic(made: Iterable[Outgoing]) -> dict[str, object]:
+def _by_topic(made: Iterable[Outgoing]) -> dict[str, Any]:
     messages = list(made)
     for outgoing in messages:
         # every one can be sent, and is of the type that is announced
@@ -85,7 +85,7 @@ def test_map_to_odom_to_robot_is_the_believed_pose() -> None:
         sent = _by_topic(topics.of_look(view, now.t_s))
     assert view.belief is not None
     assert view.belief.pose
-    transforms = {t.child_frame_id: t for t in sent["/tf"].transforms}  # type: ignore[attr-defined]
+    transforms = {t.child_frame_id: t for t in sent["/tf"].transforms}
     assert transforms["odom"].header.frame_id == "map"
     assert transforms["base_footprint"].header.frame_id == "odom"
     to_odom, to_robot = (
@@ -101,11 +101,11 @@ def test_a_scan_has_the_free_ranges() -> None:
     now, vision = run_frames()[0], make_vision()
     view = vision.look(now.frame, now.t_s)
     scan = _by_topic(Topics(FIELD, vision.camera).of_look(view, now.t_s))["/scan"]
-    bearing = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))  # type: ignore[attr-defined]
+    bearing = scan.angle_min + scan.angle_increment * np.arange(len(scan.ranges))
     assert bearing == pytest.approx(view.free_space.bearing_rad, abs=1e-9)
-    reached = np.isinf(scan.ranges)  # type: ignore[attr-defined]
-    assert scan.ranges[~reached] == pytest.approx(view.free_space.range_m[~reached], abs=1e-6)  # type: ignore[attr-defined]
-    assert (view.free_space.range_m[reached] >= scan.range_max - 1e-6).all()  # type: ignore[attr-defined]
+    reached = np.isinf(scan.ranges)
+    assert scan.ranges[~reached] == pytest.approx(view.free_space.range_m[~reached], abs=1e-6)
+    assert (view.free_space.range_m[reached] >= scan.range_max - 1e-6).all()
 
 
 def test_what_is_not_seen_is_an_empty_array_and_an_unknown_pose_is_not_sent() -> None:
@@ -114,11 +114,11 @@ def test_what_is_not_seen_is_an_empty_array_and_an_unknown_pose_is_not_sent() ->
     view = vision.look(dark, 0.5)
     assert isinstance(view.pose, NotLocated)
     sent = _by_topic(Topics(FIELD, vision.camera).of_look(view, 0.5))
-    assert sent["/balls"].balls == []  # type: ignore[attr-defined]
-    assert sent["/field_boundary"].points == []  # type: ignore[attr-defined]
-    assert to_seconds(sent["/obstacles"].header.stamp) == 0.5  # type: ignore[attr-defined]
+    assert sent["/balls"].balls == []
+    assert sent["/field_boundary"].points == []
+    assert to_seconds(sent["/obstacles"].header.stamp) == 0.5
     assert "/pose_with_covariance" not in sent
-    assert [t.child_frame_id for t in sent["/tf"].transforms] == ["base_footprint"]  # type: ignore[attr-defined]
+    assert [t.child_frame_id for t in sent["/tf"].transforms] == ["base_footprint"]
 
 
 def test_what_the_image_shows_is_told_in_pixels() -> None:
@@ -126,7 +126,7 @@ def test_what_the_image_shows_is_told_in_pixels() -> None:
     u_px, v_px = vision.camera.point_to_pixel([0.8, 0.1, FIELD.ball_radius_m]).tolist()
     view = replace(vision.look(now.frame, now.t_s), balls=(Ball(0.8, 0.1, np.eye(2) * 1e-4, u_px, v_px),))
     sent = _by_topic(Topics(FIELD, vision.camera).of_look(view, now.t_s))
-    message: Any = sent["/balls_in_image"]
+    message = sent["/balls_in_image"]
     assert message.header.frame_id == "camera_optical_frame"
     assert [(one.center.x, one.center.y) for one in message.balls] == [(ball.u_px, ball.v_px) for ball in view.balls]
     for one in message.balls:
@@ -135,8 +135,8 @@ def test_what_the_image_shows_is_told_in_pixels() -> None:
         assert abs(middle.y - one.center.y) < 1.0
         assert 1.0 < one.bb.size_x < 10.0
         assert 1.0 < one.bb.size_y < 10.0
-    edge: Any = sent["/field_boundary_in_image"]
-    on_floor: Any = sent["/field_boundary"]
+    edge = sent["/field_boundary_in_image"]
+    on_floor = sent["/field_boundary"]
     there = view.camera.pixel_to_floor(np.array([(point.x, point.y) for point in edge.points]))
     assert there == pytest.approx(np.array([(point.x, point.y) for point in on_floor.points]), abs=1e-9)
 
@@ -158,9 +158,9 @@ def test_a_command_is_a_stamped_twist() -> None:
     command = make_steering().steer(view.free_space, (0.0, 0.0), 0.3)
     topics = Topics(FIELD, vision.camera, TopicSettings(prefix="/robot1"))
     sent = _by_topic(topics.of_command(command, 1.0))["/robot1/cmd_vel"]
-    assert (sent.twist.linear.x, sent.twist.linear.y) == tuple(command.velocity_mps)  # type: ignore[attr-defined]
+    assert (sent.twist.linear.x, sent.twist.linear.y) == tuple(command.velocity_mps)
     sent = _by_topic(topics.of_command((0.1, 0.2, 0.3), 1.0))["/robot1/cmd_vel"]
-    assert sent.twist.angular.z == 0.3  # type: ignore[attr-defined]
+    assert sent.twist.angular.z == 0.3
 
 
 PINHOLE = PinholeCamera((320, 240), (300.0, 301.0), (160.0, 119.0), 0.5, (0.1, 0.2, 0.01, 0.02), tilt_rad=-0.3)
@@ -200,7 +200,7 @@ def test_markings_are_told_where_they_are_wanted() -> None:
     shown = replace(view)
     vars(shown)["markings"] = markings
     told = _by_topic(Topics(field, view.camera, TopicSettings(markings=True)).of_look(shown, 1.0))
-    array: Any = told["/markings"]
+    array = told["/markings"]
     assert array.header.frame_id == "base_footprint"
     (segment,), (crossing,), (circle, mark) = array.segments, array.intersections, array.ellipses
     assert (segment.start.y, segment.end.y) == (-1.0, 2.0)
@@ -208,7 +208,7 @@ def test_markings_are_told_where_they_are_wanted() -> None:
     assert [(round(ray.x, 9), round(ray.y, 9)) for ray in crossing.rays] == [(1.0, 0.0), (0.0, -1.0)]
     assert (circle.diameter, circle.center.position.x) == (1.5, 0.5)
     assert (mark.diameter, mark.center.position.x) == (0.1, 1.5)
-    posts: Any = told["/goalposts"]
+    posts = told["/goalposts"]
     assert [(post.attributes.side, post.attributes.team) for post in posts.posts] == [(1, 2), (2, 1), (0, 0)]
     assert posts.posts[0].bb.size.z == field.goals[0].height_m
     assert "/markings" not in _by_topic(Topics(field, view.camera).of_look(shown, 1.0))

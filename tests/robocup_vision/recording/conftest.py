@@ -5,16 +5,22 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from recorded_runs import record_run
+from recorded_runs import make_vision, record_run
+
+from robocup_vision.camera.files import save_camera
 
 
 @pytest.fixture(scope="session")
-def recorded_digests(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
-    """Return the recording, which nobody may write to, and the digests of what its calls gave."""
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the recording, which nobody may write to."""
     path = tmp_path_factory.mktemp("recorded") / "run.mcap"
-    return path, record_run(path)
+    record_run(path)
+    return path
 
 
 @pytest.fixture(scope="session")
-def recorded(recorded_digests: tuple[Path, list[str]]) -> Path:
-    return recorded_digests[0]
+def camera(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return its camera file."""
+    path = tmp_path_factory.mktemp("camera") / "camera.toml"
+    save_camera(make_vision().camera, path)
+    return path

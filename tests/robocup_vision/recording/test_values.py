@@ -10,7 +10,6 @@ from recorded_runs import FIELD, is_same, make_steering, make_vision, run_frames
 
 from field_models import field_names, load_field
 from field_models.errors import ArgumentError, PacketError
-from robocup_vision.geometry import Pose2
 from robocup_vision.recording.calls import look_outputs
 from robocup_vision.recording.run import Run
 from robocup_vision.recording.values import value_codec
@@ -33,12 +32,6 @@ plain = st.recursive(
 def test_any_value_comes_back_from_messagepack_and_from_json(value: object) -> None:
     assert is_same(CODEC.unpack(CODEC.pack(value)), value)
     assert is_same(CODEC.from_json(CODEC.to_json(value)), value)
-
-
-@given(st.floats(-10, 10), st.floats(-10, 10), st.floats(-4, 4))
-def test_a_pose_comes_back(x: float, y: float, theta: float) -> None:
-    pose = Pose2(x, y, theta)
-    assert CODEC.unpack(CODEC.pack(pose)) == pose
 
 
 def test_a_run_makes_the_same_objects_again() -> None:

@@ -86,12 +86,8 @@ def test_an_initial_pose_is_what_the_next_frame_is_looked_at_with(node: VisionNo
     _drive(node, 3)
     now = run_frames()[0]
     covariance = covariance_6x6(np.diag([0.01, 0.01, 0.01]))
-    message = make(
-        "geometry_msgs/msg/PoseWithCovarianceStamped",
-        header(0.0, "map"),
-        make("geometry_msgs/msg/PoseWithCovariance", pose_message(now.truth), covariance),
-    )
-    node.on_initial_pose(message, 0.0)
+    pose = (pose_message(now.truth), covariance)
+    node.on_initial_pose(make("geometry_msgs/msg/PoseWithCovarianceStamped", header(0.0, "map"), pose), 0.0)
     memory = node.vision.memory
     assert memory is not None
     assert memory.poses.is_fresh
@@ -113,7 +109,7 @@ def test_a_pose_in_another_frame_or_not_finite_is_left_out(node: VisionNode) -> 
         ("odom", 0.0, "initialpose is in frame"),
         ("map", math.inf, "initialpose: the position is not finite"),
     ):
-        pose = make("geometry_msgs/msg/PoseWithCovariance", pose_message(Pose2(x, 0.0, 0.0)), np.zeros(36))
+        pose = (pose_message(Pose2(x, 0.0, 0.0)), np.zeros(36))
         node.on_initial_pose(make("geometry_msgs/msg/PoseWithCovarianceStamped", header(0.0, frame), pose), 0.0)
         assert problem in _status(node, 0.0).message
 

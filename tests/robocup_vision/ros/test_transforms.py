@@ -24,9 +24,8 @@ def about(axis, angle):
 def tf(*steps):
     made = []
     for t_s, parent, child, place, (w, x, y, z) in steps:
-        turn = make("geometry_msgs/msg/Quaternion", float(x), float(y), float(z), float(w))
-        transform = make("geometry_msgs/msg/Transform", make("geometry_msgs/msg/Vector3", *map(float, place)), turn)
-        made.append(make("geometry_msgs/msg/TransformStamped", header(t_s, parent), child, transform))
+        transform = (tuple(map(float, place)), tuple(map(float, (x, y, z, w))))
+        made.append((header(t_s, parent), child, transform))
     return make("tf2_msgs/msg/TFMessage", made)
 
 

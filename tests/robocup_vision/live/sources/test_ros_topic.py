@@ -11,6 +11,7 @@ from robocup_vision.live.sources.opening import open_source
 from robocup_vision.live.sources.ros_topic import TopicSource, open_topic
 from robocup_vision.live.sources.source import SourceOptions
 from robocup_vision.messages.images import image_message
+from robocup_vision.messages.topics import pose_message
 from robocup_vision.messages.types import header, make
 
 OPTIONS = SourceOptions(field="ssl_2001")
@@ -46,13 +47,10 @@ def opened():
     source.close()
 
 
-def odometry(x_m, theta_rad=0.0):
-    position = make("geometry_msgs/msg/Point", x_m, 0.0, 0.0)
-    turned = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, np.sin(theta_rad / 2), np.cos(theta_rad / 2))
-    pose = make("geometry_msgs/msg/PoseWithCovariance", make("geometry_msgs/msg/Pose", position, turned), np.zeros(36))
-    zero = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-    twist = make("geometry_msgs/msg/TwistWithCovariance", make("geometry_msgs/msg/Twist", zero, zero), np.zeros(36))
-    return make("nav_msgs/msg/Odometry", header(0.0, "odom"), "base", pose, twist)
+def odometry(x_m):
+    pose, unknown = pose_message(Pose2(x_m, 0.0, 0.0)), np.zeros(36)
+    still = ((0.0,) * 3, (0.0,) * 3)
+    return make("nav_msgs/msg/Odometry", header(0.0, "odom"), "base", (pose, unknown), (still, unknown))
 
 
 def test_the_newest_image_is_read_once_with_the_motion_since_the_last_one(opened):

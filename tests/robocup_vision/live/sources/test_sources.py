@@ -1,7 +1,6 @@
 """Sources of frames: what each tells, at what rate, and what is no source."""
 
 import shutil
-import threading
 import time
 
 import cv2
@@ -12,7 +11,7 @@ from field_models.errors import ArgumentError, FileError, FrameError, RobocupVis
 from robocup_vision import Pose2
 from robocup_vision.live.sources.capture import CameraSource
 from robocup_vision.live.sources.opening import open_source, recordings_in
-from robocup_vision.live.sources.source import FrameRate, Newest, SourceOptions
+from robocup_vision.live.sources.source import FrameRate, SourceOptions
 from robocup_vision.recording.recorder import Recorder
 
 FIELD = SourceOptions(field="ssl_2001")
@@ -209,33 +208,6 @@ def test_a_memory_needs_to_know_how_the_robot_moves(dataset):
         source.make_vision(source.setups[0])
     mirror = open_source(str(dataset), SourceOptions(memory=True))
     assert mirror.make_vision(mirror.setups[0]).memory.ego_motion is not None
-
-
-def test_a_newer_value_takes_the_place_of_an_older_one_and_is_taken_once() -> None:
-    newest: Newest[int] = Newest()
-    newest.put(1)
-    newest.put(2)
-    assert newest.take(0.0) == 2
-    assert newest.take(0.0) is None
-
-
-def test_a_value_put_by_another_thread_wakes_the_one_that_waits() -> None:
-    newest: Newest[str] = Newest()
-    sender = threading.Timer(0.02, newest.put, args=("frame",))
-    sender.start()
-    assert newest.take(10.0) == "frame"
-    sender.join()
-
-
-def test_closing_ends_every_wait_and_hides_what_was_left() -> None:
-    newest: Newest[int] = Newest()
-    newest.put(1)
-    closer = threading.Timer(0.02, newest.close)
-    closer.start()
-    newest.wait_until_closed(10.0)
-    closer.join()
-    assert newest.is_closed
-    assert newest.take(10.0) is None
 
 
 def feed(rate, begin_s, step_s, seconds):

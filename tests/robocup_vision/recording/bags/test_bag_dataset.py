@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from recorded_runs import FRAMES, LIMITS, make_vision, record_run, run_frames
+from recorded_runs import FRAMES, LIMITS, run_frames
 
 from field_models.errors import ArgumentError, FileError
 from robocup_vision import cli
-from robocup_vision.camera.files import save_camera
 from robocup_vision.evaluation.dataset import Truth
 from robocup_vision.messages.types import decode, header, make, typestore
 from robocup_vision.recording.bags.bag import Bag, is_bag
@@ -25,18 +24,10 @@ from robocup_vision.recording.bags.bag_dataset import load_bag, recorded_steerin
 from robocup_vision.recording.bags.bag_frames import BagTopics
 from robocup_vision.recording.bags.stream import pose_at
 from robocup_vision.recording.bags.topic_times import TopicTimes, rising
-from robocup_vision.recording.call_writer import RecorderSettings
 from robocup_vision.recording.log_reader import LogReader
 from robocup_vision.recording.recording import Recording
 
 pytestmark = pytest.mark.usefixtures("without_plots")
-
-
-@pytest.fixture(scope="module")
-def camera(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("camera") / "camera.toml"
-    save_camera(make_vision().camera, path)
-    return path
 
 
 def write_bag(path: Path, recorded: Path, plugin: str, mode: str | None, skip: tuple[str, ...] = ()) -> None:
@@ -109,14 +100,6 @@ def test_a_belief_may_stand_for_the_truth(recorded: Path) -> None:
     assert len(by_belief.truth) == FRAMES
     by_odometry = load_bag(recorded, topics=BagTopics(truth="/odometry"))
     assert len(by_odometry.truth) == FRAMES
-
-
-@pytest.mark.slow
-def test_jpeg_images_are_read(tmp_path: Path) -> None:
-    """Only this finds compressed images that no pose comes of."""
-    record_run(tmp_path / "run.mcap", RecorderSettings("jpeg"))
-    assert cli.main(["evaluate", str(tmp_path / "run.mcap"), "--out", str(tmp_path / "out")]) == 0
-    _assert_scored(tmp_path / "out")
 
 
 def test_a_cut_recording_and_a_cut_bag_are_read_as_far_as_they_go(recorded: Path, camera: Path, tmp_path: Path) -> None:

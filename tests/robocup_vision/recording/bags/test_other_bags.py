@@ -15,7 +15,6 @@ import pytest
 from recorded_runs import make_vision
 
 from field_models.errors import FileError
-from robocup_vision.camera.files import save_camera
 from robocup_vision.geometry import Pose2
 from robocup_vision.messages.camera_infos import camera_info
 from robocup_vision.messages.images import image_message
@@ -33,13 +32,6 @@ LOGGED_S = 1.7e9
 FRAME = np.random.default_rng(0).integers(0, 256, (220, 256, 3), dtype=np.uint8)
 
 Timed = Sequence[tuple[str, float, Any]]
-
-
-@pytest.fixture(scope="module")
-def camera(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("camera") / "camera.toml"
-    save_camera(make_vision().camera, path)
-    return path
 
 
 def truth_message(index: int, t_s: float) -> Any:
@@ -232,12 +224,8 @@ def test_a_quaternion_of_another_length_turns_as_far(load: Callable[..., StreamD
 
 def test_the_truth_is_not_taken_for_odometry(load: Callable[..., StreamDataset]) -> None:
     def odometry(index: int, message: Any) -> Any:
-        pose = make("geometry_msgs/msg/PoseWithCovariance", message.pose, np.zeros(36))
-        still = make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
-        twist = make(
-            "geometry_msgs/msg/TwistWithCovariance", make("geometry_msgs/msg/Twist", still, still), np.zeros(36)
-        )
-        return make("nav_msgs/msg/Odometry", message.header, "base", pose, twist)
+        still, unknown = ((0.0,) * 3, (0.0,) * 3), np.zeros(36)
+        return make("nav_msgs/msg/Odometry", message.header, "base", (message.pose, unknown), (still, unknown))
 
     dataset = load(run(change=odometry), BagTopics(truth=TRUTH))
     assert len(dataset.truth) == COUNT
