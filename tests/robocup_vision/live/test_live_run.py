@@ -5,9 +5,9 @@ import time
 
 import numpy as np
 import pytest
+from scripted_source import ScriptedSource
 
 from field_models.errors import ArgumentError, FrameError
-from robocup_vision.live.handover.moment import RobotSetup
 from robocup_vision.live.live_run import LiveRun
 from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.picture import split_picture
@@ -19,38 +19,10 @@ from robocup_vision.recording.recording import Recording
 WAIT_S = 30.0
 
 
-class _Scripted:
-    """A source that gives what a test says: frames, errors, silence, and the end."""
-
-    duration_s = None
-    problem = ""
-
-    def __init__(self, vision, script, name="scripted", waits=False):
-        self.name, self.waits = name, waits
-        self.setups = (RobotSetup(name, vision.field, vision.camera, 0.09),)
-        self._vision, self._script = vision, list(script)
-        self.closed = False
-
-    def make_vision(self, setup):
-        return self._vision
-
-    def read(self, timeout_s):
-        if not self._script:
-            return None
-        item = self._script.pop(0)
-        if isinstance(item, Exception):
-            raise item
-        if isinstance(item, float):
-            time.sleep(item)
-            return ()
-        t_s, frame = item
-        return (SourceFrame(self.name, frame, t_s),)
-
-    def seek(self, t_s):
-        raise AssertionError("never asked")
-
-    def close(self):
-        self.closed = True
+def _scripted(vision, script, name="scripted", waits=False):
+    """Return a source; a pair of a script is the time of a frame, and the frame."""
+    frames = (SourceFrame(name, item[1], item[0]) if isinstance(item, tuple) else item for item in script)
+    return ScriptedSource(vision, frames, (name,), waits)
 
 
 @pytest.fixture
@@ -105,20 +77,20 @@ def run_to_pause(run, feed):
 
 
 def test_frames_are_looked_at_and_the_end_is_said(run_of, vision, frames):
-    source = _Scripted(vision, [(0.1 * n, frame) for n, frame in enumerate(frames)])
+    source = _scripted(vision, [(0.1 * n, frame) for n, frame in enumerate(frames)])
     run, feed = run_of(source)
     run_to_end(run, feed)
     assert newest(feed)["pose"]["located"]
     assert newest(feed)["settings"] == {"method": "field"}
     assert lines(feed) == [f"scripted: ended after {len(frames)} frames"]
     run.close()
-    assert source.closed
+    assert source.is_closed
 
 
 def test_a_frame_of_another_size_is_shown_and_said_once(run_of, vision, frames):
     small = np.ascontiguousarray(frames[0][::2, ::2])
     script = [(0.0, frames[0]), (0.1, small), (0.2, small), 0.01]
-    run, feed = run_of(_Scripted(vision, script))
+    run, feed = run_of(_scripted(vision, script))
     run_to_end(run, feed)
     told = newest(feed)
     assert told["size_px"] == [small.shape[1], small.shape[0]]
@@ -129,7 +101,7 @@ def test_a_frame_of_another_size_is_shown_and_said_once(run_of, vision, frames):
 
 def test_after_a_bad_frame_the_run_goes_on(run_of, vision, frames):
     script = [(0.0, frames[0]), FrameError("film.png: is damaged"), (0.2, frames[0])]
-    run, feed = run_of(_Scripted(vision, script))
+    run, feed = run_of(_scripted(vision, script))
     run_to_end(run, feed)
     assert lines(feed) == ["scripted: film.png: is damaged", "scripted: ended after 2 frames"]
     assert newest(feed)["t_s"] == 0.2
@@ -138,7 +110,7 @@ def test_after_a_bad_frame_the_run_goes_on(run_of, vision, frames):
 def test_a_stall_is_said_and_that_it_is_over(run_of, vision, frames, monkeypatch):
     monkeypatch.setattr("robocup_vision.live.sources.source_loop._STALL_S", 0.05)
     script = [(0.0, frames[0]), 0.06, 0.06, 0.01, (0.2, frames[0])]
-    run, feed = run_of(_Scripted(vision, script))
+    run, feed = run_of(_scripted(vision, script))
     run_to_end(run, feed)
     said = lines(feed)
     assert said[0] == "scripted: stalls: no frame for 0.05 s"
@@ -147,8 +119,8 @@ def test_a_stall_is_said_and_that_it_is_over(run_of, vision, frames, monkeypatch
 
 
 def test_a_bug_ends_one_source_and_is_said(run_of, vision, frames):
-    broken = _Scripted(vision, [ZeroDivisionError("oh")], name="broken")
-    good = _Scripted(vision, [(0.0, frames[0])], name="good")
+    broken = _scripted(vision, [ZeroDivisionError("oh")], name="broken")
+    good = _scripted(vision, [(0.0, frames[0])], name="good")
     run, feed = run_of(broken, good)
     run_to_end(run, feed)
     assert "broken: ended: ZeroDivisionError: oh" in lines(feed)
@@ -156,7 +128,7 @@ def test_a_bug_ends_one_source_and_is_said(run_of, vision, frames):
 
 
 def test_a_film_pauses_steps_and_goes_on(run_of, vision, frames):
-    run, feed = run_of(_Scripted(vision, [(n / 20, frames[0]) for n in range(12)], waits=True))
+    run, feed = run_of(_scripted(vision, [(n / 20, frames[0]) for n in range(12)], waits=True))
     assert run.offers == {"pause", "save", "record"}
     before = run_to_pause(run, feed)
     run.step()
@@ -170,11 +142,11 @@ def test_a_film_pauses_steps_and_goes_on(run_of, vision, frames):
     assert run.loops[0].frames == 12
 
 
-class _Simulation(_Scripted):
+class _Simulation(ScriptedSource):
     """Things can be put elsewhere in it, but for one."""
 
-    def __init__(self, vision, script):
-        super().__init__(vision, script, waits=True)
+    def __init__(self, vision, frames):
+        super().__init__(vision, frames, waits=True)
         self.placed = []
 
     def place(self, thing, x_m, y_m, theta_rad):
@@ -184,7 +156,7 @@ class _Simulation(_Scripted):
 
 
 def test_things_are_put_elsewhere_even_while_it_stands_still(run_of, vision, frames):
-    source = _Simulation(vision, [(n / 20, frames[0]) for n in range(50)])
+    source = _Simulation(vision, [SourceFrame("scripted", frames[0], n / 20) for n in range(50)])
     run, feed = run_of(source)
     assert "place" in run.offers
     before = run_to_pause(run, feed)
@@ -196,13 +168,13 @@ def test_things_are_put_elsewhere_even_while_it_stands_still(run_of, vision, fra
 
 
 def test_nothing_is_put_elsewhere_where_it_is_no_simulation(run_of, vision, frames):
-    run, _ = run_of(_Scripted(vision, [(0.0, frames[0])]))
+    run, _ = run_of(_scripted(vision, [(0.0, frames[0])]))
     with pytest.raises(ArgumentError, match="only in a simulation"):
         run.place("ball", 0.0, 0.0, None)
 
 
 def test_a_camera_cannot_be_paused_or_sought(run_of, vision, frames):
-    run, _ = run_of(_Scripted(vision, [(0.0, frames[0])]))
+    run, _ = run_of(_scripted(vision, [(0.0, frames[0])]))
     assert run.offers == {"save", "record"}
     for call in (lambda: run.pause(True), lambda: run.seek(1.0), run.step, lambda: run.open("a", 0.0)):
         with pytest.raises(ArgumentError):
@@ -229,11 +201,11 @@ def test_a_time_is_gone_to_and_shown(run_of, dataset):
 
 def test_two_robots_of_one_name_are_refused(run_of, vision, frames):
     with pytest.raises(ArgumentError, match="scripted: is named twice"):
-        run_of(_Scripted(vision, []), _Scripted(vision, []))
+        run_of(_scripted(vision, []), _scripted(vision, []))
 
 
 def test_what_runs_is_recorded(run_of, vision, frames, tmp_path):
-    run, feed = run_of(_Scripted(vision, [(0.1 * n, frame) for n, frame in enumerate(frames)]))
+    run, feed = run_of(_scripted(vision, [(0.1 * n, frame) for n, frame in enumerate(frames)]))
     run.record_to(tmp_path / "run.mcap")
     assert feed.status[1]["recording"].endswith("run.mcap")
     run_to_end(run, feed)
@@ -243,7 +215,7 @@ def test_what_runs_is_recorded(run_of, vision, frames, tmp_path):
 
 
 def test_the_button_records_to_a_free_name(run_of, vision, frames, tmp_path):
-    run, feed = run_of(_Scripted(vision, [(0.0, frames[0]), 0.5]))
+    run, feed = run_of(_scripted(vision, [(0.0, frames[0]), 0.5]))
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "recording_000.mcap").write_bytes(b"")
     run.record(True)

@@ -8,17 +8,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from recorded_runs import FIELD, make_vision, run_frames
+from recorded_runs import make_vision, run_frames
+from scripted_source import ScriptedSource
 
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision import cli
 from robocup_vision.camera.files import save_camera
 from robocup_vision.geometry import Pose2
-from robocup_vision.live.handover.moment import RobotSetup
 from robocup_vision.live.sources.source import SourceFrame
 from robocup_vision.live.sources.source_recording import record_source
 from robocup_vision.recording import Recording
-from robocup_vision.vision import Vision
 
 
 @pytest.fixture
@@ -30,43 +29,8 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-class ScriptedSource:
-    """Gives what it was made with, one after the other: frames, errors to raise, or problems to report."""
-
-    name, waits, duration_s = "scripted", False, None
-
-    def __init__(self, script: list[object], robots: int = 1) -> None:
-        self.setups = tuple(RobotSetup(f"{n}", FIELD, make_vision().camera, 0.09) for n in range(robots))
-        self.problem = ""
-        self._script = script
-
-    def make_vision(self, setup: RobotSetup) -> Vision | None:
-        """As `Source`."""
-        return make_vision()
-
-    def read(self, timeout_s: float) -> tuple[SourceFrame, ...] | None:
-        """As `Source`."""
-        if not self._script:
-            return None
-        now = self._script.pop(0)
-        if isinstance(now, BaseException):
-            raise now
-        if isinstance(now, str):
-            self.problem = now
-            return ()
-        self.problem = ""
-        assert isinstance(now, SourceFrame)
-        return (now,)
-
-    def seek(self, t_s: float) -> None:
-        """As `Source`."""
-
-    def close(self) -> None:
-        """As `Source`."""
-
-
 def _frames(count: int, odometry: Pose2 | None = None) -> list[object]:
-    return [SourceFrame("0", now.frame, now.t_s, odometry, truth=now.truth) for now in run_frames()[:count]]
+    return [SourceFrame("scripted", now.frame, now.t_s, odometry, truth=now.truth) for now in run_frames()[:count]]
 
 
 @pytest.mark.usefixtures("without_plots")
@@ -103,7 +67,9 @@ def test_a_frame_that_cannot_be_used_is_counted(folder: Path, capsys: pytest.Cap
 def test_a_camera_that_was_unplugged_is_said_and_goes_on(tmp_path: Path) -> None:
     said: list[str] = []
     first, second = _frames(2)
-    summary = record_source(ScriptedSource([first, "gives no frames", second]), tmp_path / "run.mcap", say=said.append)
+    summary = record_source(
+        ScriptedSource(make_vision(), [first, "gives no frames", second]), tmp_path / "run.mcap", say=said.append
+    )
     assert summary.frames == 2
     assert said == ["scripted: gives no frames", "scripted: gives frames again"]
     recording = Recording(tmp_path / "run.mcap")
@@ -113,9 +79,9 @@ def test_a_camera_that_was_unplugged_is_said_and_goes_on(tmp_path: Path) -> None
 
 def test_motion_over_an_unusable_frame_is_not_lost(tmp_path: Path) -> None:
     script = _frames(3, Pose2(0.01, 0.0, 0.0))
-    small = SourceFrame("0", run_frames()[1].frame[::2, ::2], run_frames()[1].t_s, Pose2(0.01, 0.0, 0.0))
+    small = SourceFrame("scripted", run_frames()[1].frame[::2, ::2], run_frames()[1].t_s, Pose2(0.01, 0.0, 0.0))
     script[1:2] = [small, FrameError("damaged")]
-    summary = record_source(ScriptedSource(script), tmp_path / "run.mcap")
+    summary = record_source(ScriptedSource(make_vision(), script), tmp_path / "run.mcap")
     assert (summary.frames, summary.unusable) == (2, 2)
     assert "frame must be uint8 (220, 256, 3)" in summary.first_problem
     last = list(Recording(tmp_path / "run.mcap").frames())[-1]
@@ -124,15 +90,17 @@ def test_motion_over_an_unusable_frame_is_not_lost(tmp_path: Path) -> None:
 
 
 def test_a_time_ends_it_and_an_interrupt_keeps_it(tmp_path: Path) -> None:
-    summary = record_source(ScriptedSource(_frames(4)), tmp_path / "a.mcap", seconds=run_frames()[2].t_s - 1e-6)
+    summary = record_source(
+        ScriptedSource(make_vision(), _frames(4)), tmp_path / "a.mcap", seconds=run_frames()[2].t_s - 1e-6
+    )
     assert summary.frames == 2
-    summary = record_source(ScriptedSource([*_frames(1), KeyboardInterrupt()]), tmp_path / "b.mcap")
+    summary = record_source(ScriptedSource(make_vision(), [*_frames(1), KeyboardInterrupt()]), tmp_path / "b.mcap")
     assert summary.frames == 1
     assert Recording(tmp_path / "b.mcap").is_whole
 
 
 def test_what_cannot_be_recorded_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match="--seconds must be positive"):
-        record_source(ScriptedSource([]), tmp_path / "a.mcap", seconds=0.0)
+        record_source(ScriptedSource(make_vision(), []), tmp_path / "a.mcap", seconds=0.0)
     with pytest.raises(ArgumentError, match="record needs the frames of one robot"):
-        record_source(ScriptedSource([], robots=2), tmp_path / "a.mcap")
+        record_source(ScriptedSource(make_vision(), [], ("one", "other")), tmp_path / "a.mcap")
