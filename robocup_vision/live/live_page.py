@@ -16,12 +16,12 @@ from typing import IO, Any
 
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.live.handover.controls import Controls, read_message, write_message
-from robocup_vision.live.handover.frame_slots import FrameSlots, Handed
+from robocup_vision.live.handover.frame_slots import MAX_SLOTS, FrameSlots, Handed
 from robocup_vision.live.handover.moment import Moment, MomentWriter, RobotSetup
 from robocup_vision.live.handover.page_settings import DEFAULT_PORT, LOOPBACK, FeedSettings, require_packages
 
 # beside one for each robot: they bear a hiccup of the page's process
-_SPARE_SLOTS, _MAX_SLOTS = 2, 32
+_SPARE_SLOTS = 2
 # room beside the frame for all else that is seen; memory is taken only where something is written
 _ROOM_BYTES = 8 << 20
 _START_S, _STOP_S = 60.0, 5.0
@@ -189,7 +189,7 @@ class LivePage:
             self._synced.notify_all()
 
     def _slots_for(self, frame_bytes: int) -> FrameSlots:
-        count = min(len(self._writers) + _SPARE_SLOTS, _MAX_SLOTS)
+        count = min(len(self._writers) + _SPARE_SLOTS, MAX_SLOTS)
         slots = self._slots
         if slots is None or frame_bytes + _ROOM_BYTES > slots.room_bytes or slots.count != count:
             if slots is not None:

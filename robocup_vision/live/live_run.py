@@ -131,7 +131,6 @@ class LiveRun(Controls):
 
     def pause(self, on: bool) -> None:
         """Stand still, or go on."""
-        self.need("pause")
         self._paused = on
         for loop in self._loops:
             loop.pause(on)
@@ -139,13 +138,11 @@ class LiveRun(Controls):
 
     def step(self) -> None:
         """Take one more frame of each source while standing still."""
-        self.need("pause")
         for loop in self._loops:
             loop.step()
 
     def seek(self, t_s: float) -> None:
         """Go to a time, and stand still there."""
-        self.need("seek")
         self._paused = True
         for loop in self._loops:
             loop.seek(t_s)
@@ -153,7 +150,6 @@ class LiveRun(Controls):
 
     def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
         """Put a robot of a simulation, or its ball, elsewhere."""
-        self.need("place")
         self._loops[0].place(thing, x_m, y_m, theta_rad)
 
     def open(self, recording: str, t_s: float) -> None:
@@ -166,7 +162,6 @@ class LiveRun(Controls):
         RobocupVisionError
             If it cannot be read.
         """
-        self.need("open")
         assert self._folder is not None
         # by comparison with what is there: no text of a page becomes a path
         known = {name: self._folder / name for name in recordings_in(self._folder)}
@@ -187,7 +182,6 @@ class LiveRun(Controls):
         RobocupVisionError
             If the files cannot be written, or an extra is not installed.
         """
-        self.need("record")
         with self._lock:
             if on and self._record_path is None:
                 self._begin_recording(self._free_path())
@@ -201,13 +195,11 @@ class LiveRun(Controls):
 
     def collect(self, on: bool) -> None:
         """Begin or end collecting frames for a calibration."""
-        self.need("calibrate")
         assert self._calibrator is not None
         self._calibrator.collect(on)
 
     def calibrate(self, kind: str) -> None:
         """Calibrate by the collected frames, and go on with the new camera."""
-        self.need("calibrate")
         assert self._calibrator is not None
         self._calibrator.calibrate(kind)
 

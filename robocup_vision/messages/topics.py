@@ -36,6 +36,8 @@ _FLAT_VARIANCE = 1e-6
 _OPTICAL_TO_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 # soccer_vision_attribute_msgs/Confidence, geometry_msgs/Quaternion
 _UNKNOWN, _UPRIGHT = (-1.0,), (0.0, 0.0, 0.0, 1.0)
+# the map is sent no oftener: it is large, and changes slowly
+_MAP_PERIOD_S = 0.5
 # of soccer_vision_attribute_msgs/Goalpost
 _LEFT, _RIGHT, _OWN, _OPPONENT = 1, 2, 1, 2
 
@@ -102,8 +104,6 @@ class TopicSettings:
         How frames are sent; None: they are not.
     camera_transform : bool
         Whether the camera's place on the robot is sent.
-    map_period_s : float
-        The map is sent no oftener than this: it is large, and changes slowly.
     markings : bool
         Whether markings and goal posts are sent: finding them takes longer than the rest of a look.
     """
@@ -112,7 +112,6 @@ class TopicSettings:
     frames: FrameNames = FrameNames()
     image_format: ImageFormat | None = "raw"
     camera_transform: bool = True
-    map_period_s: float = 0.5
     markings: bool = False
 
 
@@ -169,7 +168,7 @@ class Topics:
             yield self._out("/tracks", field_frame, t_s, [_obstacle(track) for track in view.belief.tracks])
             picture = view.belief.free_map
             # time may begin anew
-            if picture is not None and not 0.0 <= t_s - self._map_s < self._settings.map_period_s:
+            if picture is not None and not 0.0 <= t_s - self._map_s < _MAP_PERIOD_S:
                 self._map_s = t_s
                 yield Outgoing(self._settings.prefix + "/map", occupancy_grid(picture, t_s, field_frame), t_s)
 

@@ -33,7 +33,7 @@ _NEEDED = {
 
 
 class Controls:
-    """Refuses everything; a run has a method of its own for each thing that it offers.
+    """Refuses everything; a run has a method for each thing that it offers.
 
     All calls come from the page's thread, not from the run's, and must return soon.
 
@@ -46,20 +46,17 @@ class Controls:
 
     offers: frozenset[str] = frozenset()
 
-    def need(self, offer: str) -> None:
-        """Refuse what is not offered.
+    def ask(self, name: str, *values: object) -> None:
+        """Do what a page asks for by name.
 
         Raises
         ------
-        ArgumentError
-            If it is not.
+        RobocupVisionError
+            If that is not offered, or cannot be done.
         """
+        offer = _NEEDED[name]
         if offer not in self.offers:
             raise ArgumentError(_REFUSALS[offer])
-
-    def ask(self, name: str, *values: object) -> None:
-        """Do what a page asks for by name, if that is offered; raises as `need`."""
-        self.need(_NEEDED[name])
         getattr(self, name)(*values)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from robocup_vision.arrays import UInt8Array
 
-_HEADER_BYTES, _MAX_SLOTS = 64, 32
+_HEADER_BYTES, MAX_SLOTS = 64, 32
 # where the page's process says how much processor time it has used
 _CPU = struct.Struct("<d")
 _CPU_AT = 40
@@ -49,7 +49,7 @@ class FrameSlots:
     """
 
     def __init__(self, path: Path, count: int, slot_bytes: int) -> None:
-        assert 0 < count <= _MAX_SLOTS
+        assert 0 < count <= MAX_SLOTS
         self.path, self.count, self.slot_bytes = path, count, slot_bytes
         self._lock = threading.Lock()
         with path.open("r+b") as file:

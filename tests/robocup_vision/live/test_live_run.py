@@ -170,15 +170,15 @@ def test_things_are_put_elsewhere_even_while_it_stands_still(run_of, vision, fra
 def test_nothing_is_put_elsewhere_where_it_is_no_simulation(run_of, vision, frames):
     run, _ = run_of(_scripted(vision, [(0.0, frames[0])]))
     with pytest.raises(ArgumentError, match="only in a simulation"):
-        run.place("ball", 0.0, 0.0, None)
+        run.ask("place", "ball", 0.0, 0.0, None)
 
 
 def test_a_camera_cannot_be_paused_or_sought(run_of, vision, frames):
     run, _ = run_of(_scripted(vision, [(0.0, frames[0])]))
     assert run.offers == {"save", "record"}
-    for call in (lambda: run.pause(True), lambda: run.seek(1.0), run.step, lambda: run.open("a", 0.0)):
+    for name, *values in (("pause", True), ("seek", 1.0), ("step",), ("open", "a", 0.0)):
         with pytest.raises(ArgumentError):
-            call()
+            run.ask(name, *values)
 
 
 def test_a_time_is_gone_to_and_shown(run_of, dataset):
