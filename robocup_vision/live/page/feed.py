@@ -47,7 +47,8 @@ class Feed:
         self._status: dict[str, Any] = {}
         self._lines: deque[str] = deque(maxlen=_MAX_LINES)
         self._version = 0
-        self._listeners: list[Callable[[], None]] = []
+        #: called in some thread whenever there is something new; must be quick
+        self.on_news: Callable[[], None] = lambda: None
         self._want_markings: set[int] = set()
         self._closed = False
         self._turn = 0
@@ -62,7 +63,7 @@ class Feed:
             self._robots = {setup.name: _Robot(setup, PictureMaker(setup, quality)) for setup in setups}
             self._version += 1
             self._epoch += 1
-        self._tell_listeners()
+        self.on_news()
 
     @property
     def setups(self) -> tuple[RobotSetup, ...]:
@@ -140,7 +141,7 @@ class Feed:
         with self._lock:
             self._lines.append(f"{time.strftime('%H:%M:%S')}  {line}")
             self._version += 1
-        self._tell_listeners()
+        self.on_news()
 
     def set_status(self, **changes: Any) -> None:
         """Change what the pages show of the run: plain values by name."""
@@ -149,7 +150,7 @@ class Feed:
                 return
             self._status.update(changes)
             self._version += 1
-        self._tell_listeners()
+        self.on_news()
 
     @property
     def status(self) -> tuple[int, Mapping[str, Any]]:
@@ -157,28 +158,12 @@ class Feed:
         with self._lock:
             return self._version, {**self._status, "lines": list(self._lines)}
 
-    def listen(self, listener: Callable[[], None]) -> None:
-        """Call a function, which must be quick, in some thread, whenever there is something new."""
-        with self._lock:
-            self._listeners.append(listener)
-
-    def unlisten(self, listener: Callable[[], None]) -> None:
-        """Stop calling a function."""
-        with self._lock:
-            self._listeners.remove(listener)
-
     def close(self) -> None:
         """End the thread; what is handed over after that is not shown."""
         with self._lock:
             self._closed = True
             self._lock.notify_all()
         self._thread.join(5.0)
-
-    def _tell_listeners(self) -> None:
-        with self._lock:
-            listeners = tuple(self._listeners)
-        for listener in listeners:
-            listener()
 
     def _make_pictures(self) -> None:
         while True:
@@ -204,7 +189,7 @@ class Feed:
                 if picture is not None and epoch == self._epoch:
                     self._keep(robot, picture, moment)
                 self._lock.notify_all()
-            self._tell_listeners()
+            self.on_news()
 
     def _keep(self, robot: _Robot, picture: Picture, moment: Moment) -> None:
         robot.pictures.append(picture)

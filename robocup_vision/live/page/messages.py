@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, TypeAlias
+from functools import reduce
+from operator import or_
+from typing import Annotated, Any, Literal
 
 import msgspec
+from msgspec.structs import astuple
 
 from field_models.errors import PacketError
 
@@ -18,97 +21,35 @@ _Angle = Annotated[float, msgspec.Meta(ge=-10.0, le=10.0)]
 _Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
 
 
-class _Asked(msgspec.Struct, tag_field="type", forbid_unknown_fields=True, frozen=True):
-    """What all have in common: their tag is the name that `Controls.ask` takes."""
-
-
-class Drawn(_Asked, tag="drawn", frozen=True):
-    """The page has drawn a robot's picture: it may get the next one."""
-
-    robot: _Name
-    number: _Number
-
-
-class Pause(_Asked, tag="pause", frozen=True):
-    """Stand still, or go on with the newest."""
-
-    on: bool
-
-
-class Step(_Asked, tag="step", frozen=True):
-    """Go some frames forward or back, and stand still there."""
-
-    frames: Annotated[int, msgspec.Meta(ge=-10_000, le=10_000)]
-
-
-class Back(_Asked, tag="back", frozen=True):
-    """Go to so many seconds before the newest frame, and stand still there."""
-
-    seconds: _Seconds
-
-
-class Seek(_Asked, tag="seek", frozen=True):
-    """Go to a time of a source that can go to times, and stand still there."""
-
-    t_s: _Seconds
-
-
-class Open(_Asked, tag="open", frozen=True):
-    """Open a recording of the folder that is shown, at a time."""
-
-    recording: _Name
-    t_s: _Seconds = 0.0
-
-
-class Record(_Asked, tag="record", frozen=True):
-    """Begin or end recording."""
-
-    on: bool
-
-
-class Save(_Asked, tag="save", frozen=True):
-    """Write the picture that a robot's panel shows as a dataset."""
-
-    robot: _Name
-    number: _Number
-
-
-class Place(_Asked, tag="place", frozen=True):
-    """Put a robot of a simulation, or its ball, somewhere on the field."""
-
-    thing: _Name
-    x_m: _Metres
-    y_m: _Metres
-    theta_rad: _Angle | None = None
-
-
-class Collect(_Asked, tag="collect", frozen=True):
-    """Begin or end collecting frames for a calibration."""
-
-    on: bool
-
-
-class Calibrate(_Asked, tag="calibrate", frozen=True):
-    """Calibrate a camera of a kind by the collected frames."""
-
-    kind: Literal["omni", "pinhole"]
-
-
-class ShowMarkings(_Asked, tag="markings", frozen=True):
-    """Find the markings of the frames to come, or no more: that takes longer than the rest of a picture."""
-
-    on: bool
-
-
-Message: TypeAlias = (
-    Drawn | Pause | Step | Back | Seek | Open | Record | Save | Place | Collect | Calibrate | ShowMarkings
+# names of the messages, their keys and values; what is not the page's own affair is `Controls.ask`'s
+_MESSAGES: dict[str, list[tuple[str, Any] | tuple[str, Any, Any]]] = {
+    # the page has drawn a robot's picture: it may get the next one
+    "drawn": [("robot", _Name), ("number", _Number)],
+    # find the markings of the frames to come, or no more: that takes longer than the rest of a picture
+    "markings": [("on", bool)],
+    # stand still, or go on with the newest
+    "pause": [("on", bool)],
+    # go some frames forward or back, and stand still there
+    "step": [("frames", Annotated[int, msgspec.Meta(ge=-10_000, le=10_000)])],
+    # go to so many seconds before the newest frame, and stand still there
+    "back": [("seconds", _Seconds)],
+    "seek": [("t_s", _Seconds)],
+    "open": [("recording", _Name), ("t_s", _Seconds, 0.0)],
+    "record": [("on", bool)],
+    "save": [("robot", _Name), ("number", _Number)],
+    "place": [("thing", _Name), ("x_m", _Metres), ("y_m", _Metres), ("theta_rad", _Angle | None, None)],
+    "collect": [("on", bool)],
+    "calibrate": [("kind", Literal["omni", "pinhole"])],
+}
+_TYPES = tuple(
+    msgspec.defstruct(name, keys, tag=name, tag_field="type", forbid_unknown_fields=True)
+    for name, keys in _MESSAGES.items()
 )
+_DECODER: msgspec.json.Decoder[msgspec.Struct] = msgspec.json.Decoder(reduce(or_, _TYPES))
 
-_DECODER: msgspec.json.Decoder[Message] = msgspec.json.Decoder(Message)
 
-
-def read_message(text: str) -> Message:
-    """Return what a page asks for.
+def read_message(text: str) -> tuple[Any, ...]:
+    """Return what a page asks for: the message's name, and its values in order.
 
     Raises
     ------
@@ -119,6 +60,7 @@ def read_message(text: str) -> Message:
     if size > MAX_MESSAGE_BYTES:
         raise PacketError(f"a message of a page has {size} bytes, may have {MAX_MESSAGE_BYTES}")
     try:
-        return _DECODER.decode(text)
+        message = _DECODER.decode(text)
     except (msgspec.MsgspecError, UnicodeEncodeError) as error:
         raise PacketError(f"a message of a page cannot be read: {error}") from None
+    return type(message).__name__, *astuple(message)

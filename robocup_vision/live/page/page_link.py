@@ -6,12 +6,9 @@ import bisect
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from msgspec.structs import astuple
-
 from field_models.field import COLOR_NAMES
 from robocup_vision.live.handover.controls import Controls
 from robocup_vision.live.handover.moment import RobotSetup
-from robocup_vision.live.page import messages
 from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.picture import Picture
 
@@ -67,8 +64,8 @@ class PageLink:
         """Want nothing more: the page has left."""
         self._feed.want_markings(self, False)
 
-    def handle(self, message: messages.Message) -> None:
-        """Do what the page asks for.
+    def handle(self, message: tuple[Any, ...]) -> None:
+        """Do what the page asks for, as `read_message` returns it.
 
         Raises
         ------
@@ -76,26 +73,26 @@ class PageLink:
             If it cannot be done.
         """
         match message:
-            case messages.Drawn(robot, number):
+            case "drawn", robot, number:
                 under_way = self._on_the_way.get(robot, [])
                 # all before it are drawn, or were left out
                 self._on_the_way[robot] = [other for other in under_way if other > number]
-            case messages.Pause(on):
+            case "pause", on:
                 self._pause(on)
-            case messages.Step(frames):
+            case "step", frames:
                 self._step(frames)
-            case messages.Back(seconds):
+            case "back", seconds:
                 self._stand_still()
                 times = self._times()
                 if times:
                     self._at_s = times[max(0, bisect.bisect_right(times, times[-1] - seconds + 1e-6) - 1)]
-            case messages.ShowMarkings(on):
+            case "markings", on:
                 self._feed.want_markings(self, on)
             case _:
-                if isinstance(message, messages.Seek | messages.Open):
+                if message[0] in ("seek", "open"):
                     self._follow()
-                self._controls.ask(str(message.__struct_config__.tag), *astuple(message))
-        self._must_tell |= not isinstance(message, messages.Drawn)
+                self._controls.ask(*message)
+        self._must_tell |= message[0] != "drawn"
 
     def _pause(self, on: bool) -> None:
         if "pause" in self._controls.offers:

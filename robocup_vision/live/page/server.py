@@ -200,11 +200,8 @@ class _Pages:
             with suppress(RuntimeError):
                 loop.call_soon_threadsafe(self._wake)
 
-        self._feed.listen(wake)
-        try:
-            yield
-        finally:
-            self._feed.unlisten(wake)
+        self._feed.on_news = wake
+        yield
 
     def _wake(self) -> None:
         for news in self._news:

@@ -59,7 +59,7 @@ def test_a_late_moment_gives_way_to_the_newest(setup, moment):
         assert gate.wait(20.0)
 
     # who makes the pictures says so when it has made one
-    feed.listen(wait)
+    feed.on_news = wait
     feed.put(moment(0.0))
     assert is_late.wait(20.0)
     for number in range(1, 6):
@@ -90,7 +90,7 @@ def test_a_moment_that_cannot_be_shown_does_not_end_the_thread(feed, moment):
 
 def test_status_changes_are_numbered_and_told(feed):
     calls = []
-    feed.listen(lambda: calls.append(1))
+    feed.on_news = lambda: calls.append(1)
     before = feed.status[0]
     feed.set_status(problem="none")
     feed.set_status(problem="none")

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError, PacketError
 from robocup_vision.live.handover.controls import Controls
-from robocup_vision.live.page import messages
 from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.messages import read_message
 from robocup_vision.live.page.page_link import PageLink
@@ -208,10 +207,10 @@ def test_markings_are_found_as_long_as_one_page_wants_them(feed, fill):
 )  # fmt: skip
 def test_what_is_no_message_is_refused(text):
     with pytest.raises(PacketError, match="message of a page"):
-        messages.read_message(text)
+        read_message(text)
 
 
 @given(st.text(max_size=200))
 def test_any_text_is_read_or_refused(text):
     with contextlib.suppress(PacketError):
-        messages.read_message(text)
+        read_message(text)
