@@ -91,12 +91,9 @@ class Calibrator:
         self._jobs.put(lambda: self._keep(frame))
 
     def calibrate(self, kind: str) -> None:
-        """Calibrate a camera of a kind by what was collected.
+        """Calibrate a camera of a kind by the collected frames.
 
-        Raises
-        ------
-        ArgumentError
-            If there are no frames, or a calibration is under way.
+        Raises ArgumentError if there are none, or it is busy.
         """
         if self._busy:
             raise ArgumentError("a calibration is under way")

@@ -28,14 +28,7 @@ _START_S, _STOP_S = 60.0, 5.0
 
 
 class LivePage:
-    """Starts the page's process, and ends it.
-
-    Parameters
-    ----------
-    controls : Controls
-        What pages may do. Its methods are called in a thread of this object.
-    port : int
-        0: any free one.
+    """Starts the page's process, and ends it; the methods of `controls` are called in a thread of this object.
 
     Raises
     ------
@@ -122,13 +115,7 @@ class LivePage:
             self._tell("robots", setups, self._controls.offers, self._epoch)
 
     def put(self, moment: Moment) -> None:
-        """Hand a moment over: its frame is copied.
-
-        Raises
-        ------
-        ArgumentError
-            If its robot is not known.
-        """
+        """Hand a moment over: its frame is copied. Raises ArgumentError if its robot is not known."""
         robot, frame = moment.robot, moment.frame
         with self._lock:
             writer = self._writers.get(robot)

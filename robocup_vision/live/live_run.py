@@ -155,12 +155,7 @@ class LiveRun(Controls):
     def open(self, recording: str, t_s: float) -> None:
         """Open another recording of the folder.
 
-        Raises
-        ------
-        ArgumentError
-            If there is no such recording in the folder.
-        RobocupVisionError
-            If it cannot be read.
+        Raises RobocupVisionError if there is no such one, or it cannot be read.
         """
         assert self._folder is not None
         # by comparison with what is there: no text of a page becomes a path
@@ -177,10 +172,7 @@ class LiveRun(Controls):
     def record(self, on: bool) -> None:
         """Begin or end recording all robots.
 
-        Raises
-        ------
-        RobocupVisionError
-            If the files cannot be written, or an extra is not installed.
+        Raises RobocupVisionError if files cannot be written, or an extra is missing.
         """
         with self._lock:
             if on and self._record_path is None:

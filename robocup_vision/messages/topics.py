@@ -385,17 +385,10 @@ def _quaternion(rotation: FloatArray) -> tuple[float, float, float, float]:
 
 
 def place_of(position: Any, orientation: Any) -> tuple[float, float, float | None]:
-    """Return where something is, and the direction of its x axis.
+    """Return x and y, and the direction of the x axis: None where the orientation is no rotation.
 
-    Returns
-    -------
-    (float, float, float or None)
-        x and y; the heading, None where the orientation is no rotation: not finite, or 0, 0, 0, 0.
-
-    Raises
-    ------
-    PacketError
-        If the position is not finite, or position and orientation are 0 alike: nobody has filled them in.
+    Raises PacketError if the position is not finite, or position and orientation are 0 alike: nobody has filled them
+    in.
     """
     x_m, y_m, z_m = float(position.x), float(position.y), float(position.z)
     if not all(map(math.isfinite, (x_m, y_m, z_m))):
@@ -418,10 +411,7 @@ def _heading(orientation: Any) -> float | None:
 def pose_of(message: Any) -> Pose2:
     """Return the pose in the plane of a geometry_msgs/Pose: its place, and its x axis' direction.
 
-    Raises
-    ------
-    PacketError
-        If it is not finite, or its orientation is no rotation.
+    Raises PacketError if it is not finite, or its orientation is no rotation.
     """
     x_m, y_m, heading_rad = place_of(message.position, message.orientation)
     if heading_rad is None:

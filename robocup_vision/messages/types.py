@@ -18,13 +18,7 @@ CALL = "robocup_vision_msgs/msg/Call"
 
 
 def require_ros_extra() -> None:
-    """Refuse to go on where the extra `ros` is not installed.
-
-    Raises
-    ------
-    RobocupVisionError
-        If rosbags or mcap is missing.
-    """
+    """Raise RobocupVisionError without rosbags and mcap, the extra `ros`."""
     try:
         import mcap  # noqa: F401
         import rosbags.typesys  # noqa: F401
@@ -36,13 +30,7 @@ def require_ros_extra() -> None:
 
 @lru_cache(maxsize=1)
 def typestore() -> Any:
-    """Return rosbags' store of all types.
-
-    Raises
-    ------
-    RobocupVisionError
-        If the extra `ros` is not installed.
-    """
+    """Return rosbags' store of all types; raises RobocupVisionError if the extra `ros` is not installed."""
     require_ros_extra()
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -74,15 +62,9 @@ def prepare(names: Iterable[str]) -> None:
 
 
 def make(name: str, *values: Any) -> Any:
-    """Make a message.
+    """Make a message of a type, such as ``std_msgs/msg/Header``, of all its fields in order.
 
-    Parameters
-    ----------
-    name : str
-        Of its type, such as ``std_msgs/msg/Header``.
-    *values
-        Of all its fields in order. Arrays of numbers are NumPy arrays. A tuple, in a list too, stands for a message of
-        the field's type.
+    Arrays of numbers are NumPy arrays. A tuple, in a list too, stands for a message of the field's type.
     """
     store = typestore()
     kinds = (kind for _, kind in store.fielddefs[name][1])
@@ -105,13 +87,7 @@ def encode(message: Any) -> bytes:
 
 
 def decode(data: bytes | memoryview, name: str) -> Any:
-    """Return the message that CDR of a type holds.
-
-    Raises
-    ------
-    PacketError
-        If the bytes are no message of that type.
-    """
+    """Return the message that CDR of a type holds; raises PacketError if the bytes are no message of that type."""
     from rosbags.serde import SerdeError
 
     try:

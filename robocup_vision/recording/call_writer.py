@@ -104,12 +104,7 @@ class RecorderSettings:
 class CallWriter(Closing):
     """Writes the calls of a run of any loop, and messages beside them, in the order they are handed over.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file, ``.mcap``; one that is there is replaced.
-    types : mapping of str to str, optional
-        Further classes of values in the calls: class name to module.
+    A file that is there is replaced. Further classes of values in the calls are given as class name to module.
 
     Raises
     ------
@@ -199,19 +194,10 @@ class CallWriter(Closing):
         self.add_messages(job, size_bytes)
 
     def add_messages(self, job: Job, size_bytes: int = 0) -> None:
-        """Write messages, such as truth.
+        """Write messages, such as truth, which `job` returns in the writer's thread; it holds about so many bytes.
 
-        Parameters
-        ----------
-        job : callable
-            Returns the messages; called in the writer's thread. What it refers to must not change any more.
-        size_bytes : int
-            About how much memory it holds.
-
-        Raises
-        ------
-        RobocupVisionError
-            If an earlier message could not be made or written: the file ends before it.
+        What it refers to must not change any more. Raises RobocupVisionError if an earlier message could not be made or
+        written: the file ends before it.
         """
         with self._changed:
             if self._problem is not None:

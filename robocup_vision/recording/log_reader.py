@@ -99,15 +99,8 @@ class LogReader:
     ) -> Iterator[Logged]:
         """Yield the messages between two times, both included, in the order they were written.
 
-        Parameters
-        ----------
-        on_damage : callable, optional
-            Takes what is wrong with a chunk that cannot be read, and is left out.
-
-        Raises
-        ------
-        FileError
-            If a chunk is damaged, and there is no `on_damage`.
+        `on_damage` takes what is wrong with a chunk that cannot be read, and is left out; without it a FileError is
+        raised.
         """
         from mcap.records import Channel, Message, Schema
 

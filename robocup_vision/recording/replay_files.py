@@ -54,10 +54,7 @@ def figures(differences: Differences) -> dict[str, Any]:
 def write_files(folder: Path, name: str, calls: Sequence[ReplayedCall], differences: Differences) -> list[str]:
     """Write the files of a replay; return notes on what could not be made.
 
-    Raises
-    ------
-    FileError
-        If they cannot be written.
+    Raises FileError if they cannot be written.
     """
     notes = []
     missing = missing_packages()

@@ -27,19 +27,9 @@ Handler = Callable[[Any, float], list[Outgoing]]
 
 
 def run_node(settings: NodeSettings, arguments: Sequence[str] = ()) -> None:
-    """Run the node until it is interrupted.
+    """Run the node until it is interrupted; ROS' own parameters of the same names go before its settings.
 
-    Parameters
-    ----------
-    settings : NodeSettings
-        Its options; parameters of the same names go before them.
-    arguments : sequence of str
-        ROS' own, such as ``--ros-args -p camera:=camera.toml``.
-
-    Raises
-    ------
-    RobocupVisionError
-        If rclpy or the standard messages are not installed, or an option is wrong.
+    Raises RobocupVisionError if rclpy or the standard messages are not installed, or an option is wrong.
     """
     require_rclpy("the node")
     import rclpy

@@ -163,19 +163,9 @@ class HeadJoints:
 
 
 def mounting_of(rotation: FloatArray, place_m: FloatArray) -> Mounting:
-    """Return how a camera is held, by its optical frame in the robot's; offset apart.
+    """Return how a camera is held, by rotation (3, 3) and place (3,) of its optical frame in the robot's; offset apart.
 
-    Parameters
-    ----------
-    rotation : (3, 3) float64
-        Of the optical frame.
-    place_m : (3,) float64
-        Of the centre of projection.
-
-    Raises
-    ------
-    ArgumentError
-        If it lies below the floor.
+    Raises ArgumentError if it lies below the floor.
     """
     ahead, left, up = (rotation @ _OF_OPTICAL).T
     pan, tilt = math.atan2(ahead[1], ahead[0]), math.asin(max(-1.0, min(1.0, float(ahead[2]))))

@@ -77,13 +77,7 @@ class _Callbacks(ctypes.Structure):
 
 
 def require_rclpy(what: str) -> None:
-    """Refuse to go on without rclpy; `what` needs it.
-
-    Raises
-    ------
-    RobocupVisionError
-        If it is not installed.
-    """
+    """Raise RobocupVisionError without rclpy, which `what` needs."""
     try:
         import rclpy  # noqa: F401
     except ImportError as error:
@@ -103,21 +97,10 @@ def subscribe(
     *,
     is_latched: bool = False,
 ) -> Any:
-    """Listen to a topic; return rclpy's subscription.
+    """Listen to a topic with messages of a type; return rclpy's subscription.
 
-    Parameters
-    ----------
-    name : str
-        Type of its messages.
-    on_problem : callable
-        Takes what is wrong with a message.
-    is_latched : bool
-        Whether what was published before counts, too.
-
-    Raises
-    ------
-    RobocupVisionError
-        If the type is not installed and cannot be made.
+    `on_problem` takes what is wrong with a message. Of a latched topic counts what was published before, too. Raises
+    RobocupVisionError if the type is not installed and cannot be made.
     """
     from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
@@ -145,10 +128,7 @@ def subscribe(
 def raw_class(name: str) -> Any:
     """Return a class by which rclpy sends and receives bytes of a type: the installed one, or one that is made.
 
-    Returns
-    -------
-    class or None
-        None where the type's package is not installed, and the middleware is another than Fast DDS.
+    None where the type's package is not installed, and the middleware is another than Fast DDS.
     """
     kind = _installed_class(name)
     return _made_class(name) if kind is None else kind

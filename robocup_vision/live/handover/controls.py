@@ -47,13 +47,7 @@ class Controls:
     offers: frozenset[str] = frozenset()
 
     def ask(self, name: str, *values: object) -> None:
-        """Do what a page asks for by name.
-
-        Raises
-        ------
-        RobocupVisionError
-            If that is not offered, or cannot be done.
-        """
+        """Do what a page asks for by name; raises RobocupVisionError if that is not offered, or cannot be done."""
         offer = _NEEDED[name]
         if offer not in self.offers:
             raise ArgumentError(_REFUSALS[offer])
@@ -61,13 +55,7 @@ class Controls:
 
 
 def write_message(pipe: IO[bytes], message: tuple[Any, ...]) -> None:
-    """Write a message to the other process.
-
-    Raises
-    ------
-    OSError, ValueError
-        If that process, or the pipe, has ended.
-    """
+    """Write a message to the other process; raises OSError or ValueError if that, or the pipe, has ended."""
     pipe.write(pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
     pipe.flush()
 

@@ -40,12 +40,9 @@ class Handed(NamedTuple):
 
 
 class FrameSlots:
-    """Slots in a file that lies in memory where the system has such a place.
+    """Slots of a size in bytes, in a file that lies in memory where the system has such a place.
 
-    Parameters
-    ----------
-    slot_bytes : int
-        Size of each; memory is taken only where something has been written.
+    Memory is taken only where something has been written.
     """
 
     def __init__(self, path: Path, count: int, slot_bytes: int) -> None:
@@ -57,13 +54,7 @@ class FrameSlots:
 
     @classmethod
     def create(cls, count: int, room_bytes: int) -> FrameSlots:
-        """Make a file with empty slots for so many bytes of frame and rest, which only this user can read.
-
-        Raises
-        ------
-        OSError
-            If it cannot be made.
-        """
+        """Make a file with empty slots for so many bytes of frame and rest, which only this user can read."""
         slot_bytes = room_bytes + _SLOT.size
         folder = next((place for place in ("/dev/shm",) if os.access(place, os.W_OK)), None)
         handle, name = tempfile.mkstemp(prefix="robocup_vision_", dir=folder)

@@ -41,13 +41,7 @@ class FeedSettings:
 
 
 def require_packages() -> None:
-    """Refuse to go on without the extra `live`.
-
-    Raises
-    ------
-    ArgumentError
-        If one of its packages is missing; the message names it.
-    """
+    """Raise ArgumentError without the packages of the extra `live`; it names those that are missing."""
     missing = [name for name in ("starlette", "uvicorn", "websockets") if find_spec(name) is None]
     if missing:
         raise ArgumentError(f"the page needs {' and '.join(missing)}: pip install 'robocup-vision[live]'")

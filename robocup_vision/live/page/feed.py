@@ -74,15 +74,7 @@ class Feed:
     def put(self, moment: Moment, dropped: int = 0) -> None:
         """Hand a moment over; takes the place of one of the same robot that still waits.
 
-        Parameters
-        ----------
-        dropped : int
-            How many of this robot were left out before they came here.
-
-        Raises
-        ------
-        ArgumentError
-            If its robot is not known.
+        `dropped` of this robot were left out before they came here. Raises ArgumentError if the robot is not known.
         """
         with self._lock:
             robot = self._robots.get(moment.robot)

@@ -51,10 +51,7 @@ _DECODER: msgspec.json.Decoder[msgspec.Struct] = msgspec.json.Decoder(reduce(or_
 def read_message(text: str) -> tuple[Any, ...]:
     """Return what a page asks for: the message's name, and its values in order.
 
-    Raises
-    ------
-    PacketError
-        If it is too long, or no such message.
+    Raises PacketError if it is no message.
     """
     size = len(text.encode("utf-8", "surrogatepass"))
     if size > MAX_MESSAGE_BYTES:

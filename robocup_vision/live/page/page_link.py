@@ -65,13 +65,7 @@ class PageLink:
         self._feed.want_markings(self, False)
 
     def handle(self, message: tuple[Any, ...]) -> None:
-        """Do what the page asks for, as `read_message` returns it.
-
-        Raises
-        ------
-        RobocupVisionError
-            If it cannot be done.
-        """
+        """Do what the page asks for, as `read_message` returns it; raises RobocupVisionError if that cannot be done."""
         match message:
             case "drawn", robot, number:
                 under_way = self._on_the_way.get(robot, [])

@@ -48,13 +48,7 @@ class Picture:
 
 
 class PictureMaker:
-    """Makes the pictures of one robot.
-
-    Parameters
-    ----------
-    jpeg_quality : int
-        1 to 100.
-    """
+    """Makes the pictures of one robot, with JPEGs of a quality from 1 to 100."""
 
     def __init__(self, setup: RobotSetup, jpeg_quality: int) -> None:
         self.setup = setup
@@ -66,12 +60,8 @@ class PictureMaker:
     def make(self, moment: Moment, dropped: int, with_markings: bool = False) -> Picture:
         """Return the picture of a moment.
 
-        Parameters
-        ----------
-        dropped : int
-            Frames of this robot that were too late to be shown, so far.
-        with_markings : bool
-            Whether the frame's markings are found and told, too.
+        `dropped` frames of this robot were too late to be shown so far. The frame's markings are found if they are
+        wanted.
         """
         self._number += 1
         values = {

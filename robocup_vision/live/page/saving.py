@@ -25,12 +25,7 @@ _MAX_FOLDERS = 10_000
 
 
 def save_moment(out: Path, setup: RobotSetup, moment: Moment) -> Path:
-    """Write a moment as a dataset into a new folder; return the folder.
-
-    Parameters
-    ----------
-    moment : Moment
-        What is written: image, time, camera, colours in use, and the truth if it is known.
+    """Write image, time, camera, colours and known truth of a moment as a dataset into a new folder; return the folder.
 
     Raises
     ------
@@ -71,12 +66,8 @@ def save_moment(out: Path, setup: RobotSetup, moment: Moment) -> Path:
 def save_from(feed: Feed, robot: str, number: int, out: Path) -> None:
     """Write a picture's moment as a dataset, in a thread, and say in the pages where it is, or why it is not.
 
-    The frame is written as it came while the feed keeps it, and else as the JPEG that the page shows.
-
-    Raises
-    ------
-    ArgumentError
-        If the picture is not kept any more.
+    The frame is written as it came while the feed keeps it, and else as the JPEG that the page shows. Raises
+    ArgumentError if that is not kept any more either.
     """
     setup = next((setup for setup in feed.setups if setup.name == robot), None)
     moment, note = feed.raw(robot, number), ""

@@ -52,13 +52,7 @@ _START_S, _STOP_S = 10.0, 5.0
 class PageServer:
     """Serves pages in a thread of its own, from `start` until `close`.
 
-    Parameters
-    ----------
-    port : int
-        0: any free one.
-    host : str
-        Address to listen on. With another one than the loopback's everybody in that network can watch and use the
-        controls.
+    With another host than the loopback's everybody in that network can watch and use the controls.
     """
 
     def __init__(self, feed: Feed, controls: Controls, port: int = DEFAULT_PORT, host: str = LOOPBACK) -> None:
@@ -89,10 +83,7 @@ class PageServer:
     def start(self) -> None:
         """Begin to serve; return when pages can come.
 
-        Raises
-        ------
-        RobocupVisionError
-            If it does not begin within some seconds.
+        Raises RobocupVisionError if that takes more than some seconds.
         """
         import uvicorn
 
@@ -138,13 +129,7 @@ def allowed_hosts(host: str, port: int) -> frozenset[str] | None:
 
 
 def make_app(feed: Feed, controls: Controls, hosts: frozenset[str] | None) -> Starlette:
-    """Return the ASGI application.
-
-    Parameters
-    ----------
-    hosts : frozenset of str or None
-        ``Host`` headers that are answered; None: any.
-    """
+    """Return the ASGI application, which answers these ``Host`` headers; None: any."""
     from starlette.applications import Starlette
     from starlette.responses import PlainTextResponse, Response
     from starlette.routing import Route, WebSocketRoute

@@ -53,20 +53,7 @@ class Capture(Protocol):
 
 
 class CameraSource(Source):
-    """A camera or a stream: frames come by themselves.
-
-    Parameters
-    ----------
-    name : str
-        What the page calls it.
-    open_capture : callable
-        Opens the device; default: `cv2.VideoCapture`.
-
-    Raises
-    ------
-    RobocupVisionError
-        If it cannot be opened.
-    """
+    """A camera or a stream: frames come by themselves. Raises RobocupVisionError if it cannot be opened."""
 
     waits = False
 
@@ -125,10 +112,7 @@ class CameraSource(Source):
 class VideoSource(Source):
     """A video file, at its own rate; it cannot go to a time, which is not exact in most containers.
 
-    Raises
-    ------
-    FileError
-        If it is no video that can be read.
+    Raises FileError if it is no video that can be read.
     """
 
     waits = True
@@ -168,13 +152,7 @@ def _open_capture(device: int | str) -> Capture:
 
 
 def checked_frame(frame: object) -> UInt8Array:
-    """Return a frame of 8-bit colour.
-
-    Raises
-    ------
-    FrameError
-        If it is something else.
-    """
+    """Return a frame of 8-bit colour; raises FrameError if it is something else."""
     array = np.asarray(frame)
     if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3:
         raise FrameError(f"a frame is not 8-bit colour: {array.shape} {array.dtype}")

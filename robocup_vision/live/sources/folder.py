@@ -27,15 +27,8 @@ _IMAGES_HZ = 2.0
 class FolderSource(Source):
     """Images of a folder in the order of their names; of a dataset, as its ``dataset.toml`` says.
 
-    Parameters
-    ----------
-    options : SourceOptions
-        Goes before what the dataset says.
-
-    Raises
-    ------
-    FileError, ArgumentError
-        If its files are wrong, or nothing says on which field it is.
+    The options go before what the dataset says. Raises FileError or ArgumentError if its files are wrong, or nothing
+    says on which field it is.
     """
 
     waits = True

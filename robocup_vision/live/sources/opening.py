@@ -20,18 +20,10 @@ _KIND = re.compile(r"([a-z][a-z0-9_]*):(?!//)(.*)", re.DOTALL)
 
 
 def open_source(text: str, options: SourceOptions) -> Source:
-    """Open a source.
+    """Open a source; raises RobocupVisionError if there is no such source, or it cannot be opened.
 
-    Parameters
-    ----------
-    text : str
-        A camera's index or device, a stream's address, a video, a folder of images, a dataset, a recording, or
-        ``KIND:...`` of a kind that a package has registered, such as ``sim:ssl_2001`` or ``ros:/camera/image_raw``.
-
-    Raises
-    ------
-    RobocupVisionError
-        If there is no such source, or it cannot be opened.
+    The text is a camera's index or device, a stream's address, a video, a folder of images, a dataset, a recording, or
+    ``KIND:...`` of a kind that a package has registered, such as ``sim:ssl_2001`` or ``ros:/camera/image_raw``.
     """
     kind = _KIND.fullmatch(text)
     if kind is not None and not Path(text).exists():

@@ -25,17 +25,9 @@ T = TypeVar("T")
 
 
 class RecordingSource(Source):
-    """A recording; times count from its beginning.
+    """A recording; times count from its beginning. The options go before what is recorded.
 
-    Parameters
-    ----------
-    options : SourceOptions
-        Go before what is recorded.
-
-    Raises
-    ------
-    FileError
-        If it is no recording that can be read, or holds no frame.
+    Raises FileError if it is no recording that can be read, or holds no frame.
     """
 
     waits = True

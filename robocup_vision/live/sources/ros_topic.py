@@ -54,21 +54,10 @@ Listen = Callable[[Mapping[str, tuple[tuple[str, ...], Handler]], Callable[[str,
 
 
 class TopicSource(Source):
-    """Frames of an image topic; the newest counts.
+    """Frames of a topic of Image or CompressedImage; the newest counts.
 
-    Parameters
-    ----------
-    image_topic : str
-        Of sensor_msgs/Image or CompressedImage.
-    odometry_topic : str or None
-        Of nav_msgs/Odometry; None: nothing tells how the robot moves.
-    listen : callable, optional
-        Begins to listen; default: by rclpy.
-
-    Raises
-    ------
-    RobocupVisionError
-        If rclpy is not installed, or an option is wrong.
+    Without a topic of Odometry nothing tells how the robot moves. `listen` begins to listen; default: by rclpy. Raises
+    RobocupVisionError if that is not installed, or an option is wrong.
     """
 
     waits = False
@@ -148,12 +137,7 @@ class TopicSource(Source):
 def open_topic(text: str, options: SourceOptions) -> TopicSource:
     """Open ``/camera/image_raw[,odometry=/odom]``.
 
-    Raises
-    ------
-    ArgumentError
-        If the text is not one of these.
-    RobocupVisionError
-        As `TopicSource`.
+    Raises ArgumentError if the text is another; else as `TopicSource`.
     """
     image_topic, *rest = text.split(",")
     odometry_topic = None

@@ -159,15 +159,7 @@ class PlacingSource(Source, Protocol):
 
 
 def setup_by_options(name: str, options: SourceOptions) -> RobotSetup:
-    """Return a robot's setup.
-
-    Raises
-    ------
-    ArgumentError
-        If no field is named.
-    FileError
-        If a file is wrong.
-    """
+    """Return a robot's setup; raises ArgumentError if no field is named, FileError if a file is wrong."""
     if options.field is None:
         raise ArgumentError(f"{name}: does not say on which field it is, so --field must be given")
     field = load_field(options.field)
@@ -176,13 +168,7 @@ def setup_by_options(name: str, options: SourceOptions) -> RobotSetup:
 
 
 def vision_by_options(setup: RobotSetup, options: SourceOptions, *, has_odometry: bool) -> Vision | None:
-    """Return what looks at a robot's frames; None without a camera file.
-
-    Raises
-    ------
-    ArgumentError
-        If a memory is wanted and nothing tells how the robot moves.
-    """
+    """Return what looks at a robot's frames; None without a camera file. Raises as `memory_for`."""
     if setup.camera is None:
         return None
     memory = memory_for(setup, setup.camera, has_odometry=has_odometry) if options.memory else None
@@ -193,10 +179,7 @@ def vision_by_options(setup: RobotSetup, options: SourceOptions, *, has_odometry
 def memory_for(setup: RobotSetup, camera: OmniCamera | PinholeCamera, *, has_odometry: bool) -> Memory:
     """Return a memory of everything that goes by odometry, or where there is none by the motion between views.
 
-    Raises
-    ------
-    ArgumentError
-        If neither tells how the robot moves.
+    Raises ArgumentError if neither tells how the robot moves.
     """
     memory = Memory.of_everything(setup.field)
     if not has_odometry:

@@ -38,14 +38,12 @@ class _Orders:
 
 
 class SourceLoop:
-    """Runs one source in a thread of its own.
+    """Runs one source in a thread of its own, and closes it at the end.
 
     Parameters
     ----------
-    source : Source
-        Where frames come from; closed at the end.
     display : Display
-        What shows them; knows the source's robots already.
+        What shows the frames; knows the source's robots already.
     watch : callable
         Is called in the loop's thread for each frame with what came and what is shown: recording and calibration.
     tell_run : callable

@@ -52,13 +52,7 @@ class _Part:
 
 
 class Bag:
-    """A bag, opened as often as it is read.
-
-    Parameters
-    ----------
-    path : str or Path
-        A folder of .mcap or .db3 files, such a file, or a ROS 1 .bag. A .mcap that was cut off is read up to its last
-        whole chunk.
+    """A folder of .mcap or .db3 files, such a file, or a ROS 1 .bag; opened as often as it is read.
 
     Attributes
     ----------
@@ -96,10 +90,7 @@ class Bag:
     def messages(self, topic: str) -> Iterator[tuple[float, Any]]:
         """Yield time, seconds, and message of a topic, in the order of the file; a message that is none is its error.
 
-        Raises
-        ------
-        FileError
-            If it cannot be read any more.
+        Raises FileError if it cannot be read any more.
         """
         for file, part in self._parts:
             try:

@@ -32,10 +32,7 @@ from robocup_vision.recording.recording import Recording
 def recorded_steering(path: str | Path) -> SteerPlan | None:
     """Return how a recorded robot was steered; None of a bag, and of a recording without a `Steering`.
 
-    Raises
-    ------
-    FileError
-        If a part of the file is damaged.
+    Raises FileError if a part of the file is damaged.
     """
     path = Path(path)
     if not _is_recording(path):

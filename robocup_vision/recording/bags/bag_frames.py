@@ -46,10 +46,8 @@ class BagTopics:
 def dataset_of_bag(plain: StreamDataset, bag: Bag, topics: BagTopics) -> StreamDataset:
     """Return a dataset with a bag's frames; its notes say what of the bag is not used.
 
-    Raises
-    ------
-    FileError
-        If a topic is missing or of another type, or it is not clear which one is meant; if there is no frame.
+    Raises FileError if a topic is missing or of another type, or it is not clear which one is meant, or if there is no
+    frame.
     """
     image_topic = _topic(bag, "image", topics.image, IMAGE_TYPES) or ""
     truth_topic = None if topics.truth is None else _topic(bag, "truth", topics.truth, _POSES)

@@ -55,7 +55,7 @@ def with_frames(
     truth: Poses,
     notes: Sequence[str],
 ) -> StreamDataset:
-    """Return a dataset that has no frames yet with those of a file.
+    """Return a dataset that has no frames yet with those of a file; raises FileError if none is kept.
 
     Parameters
     ----------
@@ -66,14 +66,9 @@ def with_frames(
     frames : callable
         Opens the file and yields all its frames.
     truth : sequence of (float, Truth or None)
-        Times (s) and true poses, as `pose_at` takes them.
+        As `pose_at` takes it.
     notes : sequence of str
         What was noticed when the file was read.
-
-    Raises
-    ------
-    FileError
-        If no frame is kept.
     """
     if not kept:
         raise FileError(dataset.path, "holds no frame")
@@ -96,18 +91,11 @@ def with_frames(
 
 
 def pose_at(poses: Poses, t_s: float) -> Truth | None:
-    """Return the pose at a time, interpolated linearly between the poses before and after it.
+    """Return the pose at a time, interpolated linearly between those before and after it.
 
-    Parameters
-    ----------
-    poses : sequence of (float, Truth or None)
-        Ascending times (s) and poses; None where the pose is unknown.
-
-    Returns
-    -------
-    Truth or None
-        None before the first pose, after the last one, between two that are more than `MAX_GAP_S` apart, and where one
-        of the two is None. Without a heading where one of the two has none.
+    The times ascend, in seconds; a pose that is None is not known. The result is None before the first pose, after the
+    last one, between two that are more than `MAX_GAP_S` apart, and where one of the two is None. It has no heading
+    where one of the two has none.
     """
     at = bisect.bisect_left(poses, t_s, key=lambda pose: pose[0])
     near = [poses[index] for index in (at - 1, at) if 0 <= index < len(poses)]
