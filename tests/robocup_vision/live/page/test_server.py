@@ -180,20 +180,6 @@ def test_it_listens_on_the_loopback_alone(server):
         pass
 
 
-def test_two_real_pages_get_the_same_and_leave(server, feed, moment):
-    from websockets.sync.client import connect
-
-    address, origin = server.address.replace("http", "ws") + "live", server.address.rstrip("/")
-    feed.put(moment(2.0))
-    assert feed.wait_until_made(20.0)
-    with connect(address, origin=origin, max_size=None) as one, connect(address, origin=origin, max_size=None) as two:
-        for link in (one, two):
-            got = [link.recv(timeout=10.0) for _ in range(3)]
-            assert split_picture(got[2])[0]["t_s"] == 2.0
-    feed.put(moment(3.0))
-    assert feed.wait_until_made(20.0)
-
-
 def test_a_page_that_breaks_off_harms_nobody(server, feed, moment):
     with socket.create_connection(("127.0.0.1", server.port), timeout=5.0) as link:
         link.sendall(

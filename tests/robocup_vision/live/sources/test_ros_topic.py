@@ -71,13 +71,6 @@ def test_the_newest_image_is_read_once_with_the_motion_since_the_last_one(opened
     assert newest.odometry == Pose2(1.0, 0.0, 0.0)
 
 
-def test_compressed_images_are_frames_too(opened):
-    source, ros = opened
-    ros.send("/image", image_message(FRAME, 1.0, "camera", "png"))
-    [frame] = source.read(1.0)
-    np.testing.assert_array_equal(frame.frame, FRAME)
-
-
 def test_a_stamp_that_is_zero_is_the_clocks(opened):
     source, ros = opened
     ros.send("/image", image_message(FRAME, 0.0, "camera"), now_s=50.0)
@@ -142,11 +135,6 @@ def test_a_source_that_was_closed_has_ended_and_listens_no_more(opened):
     source.close()
     assert source.read(1.0) is None
     assert ros.closed
-
-
-def test_a_topic_cannot_go_to_a_time(opened):
-    with pytest.raises(ArgumentError, match="cannot go to a time"):
-        opened[0].seek(1.0)
 
 
 @pytest.mark.parametrize(
