@@ -10,6 +10,8 @@ from recorded_runs import FIELD, is_same, make_steering, make_vision, run_frames
 
 from field_models import field_names, load_field
 from field_models.errors import ArgumentError, PacketError
+from robocup_vision.camera.fisheye import FisheyeCamera
+from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.recording.calls import look_outputs
 from robocup_vision.recording.run import Run
 from robocup_vision.recording.values import value_codec
@@ -81,3 +83,13 @@ def test_the_digest_is_of_the_views_values() -> None:
 def test_every_field_comes_back(name: str) -> None:
     field = CODEC.unpack(CODEC.pack(load_field(name)))
     assert (field.name, field.goals, field.beacons) == (name, load_field(name).goals, load_field(name).beacons)
+
+
+FORWARD = ((64, 48), (60.0, 61.0), (31.5, 23.5), 0.45)
+
+
+@pytest.mark.parametrize("camera", [make_vision().camera, PinholeCamera(*FORWARD), FisheyeCamera(*FORWARD)])
+def test_every_kind_of_camera_comes_back(camera: object) -> None:
+    again = CODEC.unpack(CODEC.pack(camera))
+    assert type(again) is type(camera)
+    assert is_same(CODEC.to_plain(again), CODEC.to_plain(camera))
