@@ -18,7 +18,7 @@ from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.live.handover.controls import Controls, read_message, write_message
 from robocup_vision.live.handover.frame_slots import MAX_SLOTS, FrameSlots, Handed
 from robocup_vision.live.handover.moment import Moment, MomentWriter, RobotSetup
-from robocup_vision.live.handover.page_settings import DEFAULT_PORT, LOOPBACK, FeedSettings, require_packages
+from robocup_vision.live.handover.page_settings import FeedSettings, require_packages
 
 # beside one for each robot: they bear a hiccup of the page's process
 _SPARE_SLOTS = 2
@@ -43,8 +43,8 @@ class LivePage:
         controls: Controls,
         out: Path,
         *,
-        port: int = DEFAULT_PORT,
-        host: str = LOOPBACK,
+        port: int,
+        host: str,
         settings: FeedSettings = FeedSettings(),
     ) -> None:
         require_packages()

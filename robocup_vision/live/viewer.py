@@ -12,9 +12,10 @@ import numpy as np
 from field_models.errors import ArgumentError, FrameError
 from robocup_vision.arrays import Frame, UInt8Array
 from robocup_vision.closing import Closing
+from robocup_vision.evaluation.moment_links import LIVE_PORT
 from robocup_vision.live.handover.controls import Controls
 from robocup_vision.live.handover.moment import Moment, Point, RobotPlan, RobotSetup
-from robocup_vision.live.handover.page_settings import DEFAULT_PORT, LOOPBACK, FeedSettings
+from robocup_vision.live.handover.page_settings import LOOPBACK, FeedSettings
 from robocup_vision.live.live_page import LivePage
 from robocup_vision.live.sources.source import FrameRate
 from robocup_vision.view import RigView, View
@@ -60,7 +61,7 @@ class Viewer(Controls, Closing):
         vision: Vision,
         *,
         name: str = "robot",
-        port: int = DEFAULT_PORT,
+        port: int = LIVE_PORT,
         host: str = LOOPBACK,
         radius_m: float | None = None,
         out: str | Path = "out/live",

@@ -1,4 +1,4 @@
-"""Where the page is served by default, how much is kept for it, and which packages it needs: without loading them."""
+"""How much is kept for the page, and which packages it needs: without loading them."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 
 from field_models.errors import ArgumentError
-from robocup_vision.evaluation.moment_links import LIVE_PORT
 
-DEFAULT_PORT = LIVE_PORT
 LOOPBACK = "127.0.0.1"
 
 

@@ -20,7 +20,7 @@ import msgspec
 
 from field_models.errors import ArgumentError, PacketError, RobocupVisionError
 from robocup_vision.live.handover.controls import Controls
-from robocup_vision.live.handover.page_settings import DEFAULT_PORT, LOOPBACK, require_packages
+from robocup_vision.live.handover.page_settings import LOOPBACK, require_packages
 from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.messages import MAX_MESSAGE_BYTES, read_message
 from robocup_vision.live.page.page_link import PageLink
@@ -55,7 +55,7 @@ class PageServer:
     With another host than the loopback's everybody in that network can watch and use the controls.
     """
 
-    def __init__(self, feed: Feed, controls: Controls, port: int = DEFAULT_PORT, host: str = LOOPBACK) -> None:
+    def __init__(self, feed: Feed, controls: Controls, port: int, host: str = LOOPBACK) -> None:
         require_packages()
         if not 0 <= port < 65536:
             raise ArgumentError(f"the port must be 0 to 65535, got {port}")
