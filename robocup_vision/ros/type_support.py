@@ -22,58 +22,34 @@ _FIND = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_char_p)
 _GET = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p)
 
 
-class _String(ctypes.Structure):
-    _fields_ = [("data", ctypes.c_char_p), ("size", ctypes.c_size_t), ("capacity", ctypes.c_size_t)]
+def _struct(**fields: Any) -> Any:
+    return type("Struct", (ctypes.Structure,), {"_fields_": list(fields.items())})
 
 
-class _FieldType(ctypes.Structure):
-    _fields_ = [
-        ("type_id", ctypes.c_uint8),
-        ("capacity", ctypes.c_uint64),
-        ("string_capacity", ctypes.c_uint64),
-        ("nested_type_name", _String),
-    ]
+def _array_of(pointer: Any) -> Any:
+    return _struct(data=pointer, size=ctypes.c_size_t, capacity=ctypes.c_size_t)
 
 
-class _Field(ctypes.Structure):
-    _fields_ = [("name", _String), ("type", _FieldType), ("default_value", _String)]
-
-
-class _Fields(ctypes.Structure):
-    _fields_ = [("data", ctypes.POINTER(_Field)), ("size", ctypes.c_size_t), ("capacity", ctypes.c_size_t)]
-
-
-class _Type(ctypes.Structure):
-    _fields_ = [("type_name", _String), ("fields", _Fields)]
-
-
-class _Types(ctypes.Structure):
-    _fields_ = [("data", ctypes.POINTER(_Type)), ("size", ctypes.c_size_t), ("capacity", ctypes.c_size_t)]
-
-
-class _Description(ctypes.Structure):
-    _fields_ = [("type", _Type), ("referenced", _Types)]
-
-
-class _Hash(ctypes.Structure):
-    _fields_ = [("version", ctypes.c_uint8), ("value", ctypes.c_uint8 * 32)]
-
-
-class _Support(ctypes.Structure):
-    # rosidl_message_type_support_t
-    _fields_ = [
-        ("identifier", ctypes.c_char_p),
-        ("data", ctypes.c_void_p),
-        ("find", ctypes.c_void_p),
-        ("hash", ctypes.c_void_p),
-        ("description", ctypes.c_void_p),
-        ("sources", ctypes.c_void_p),
-    ]
-
-
-class _Callbacks(ctypes.Structure):
-    # message_type_support_callbacks_t; what serialises is another type's, and is never called
-    _fields_ = [("namespace", ctypes.c_char_p), ("name", ctypes.c_char_p), ("others", ctypes.c_void_p * 5)]
+_String = _array_of(ctypes.c_char_p)
+_FieldType = _struct(
+    type_id=ctypes.c_uint8,
+    capacity=ctypes.c_uint64,
+    string_capacity=ctypes.c_uint64,
+    nested_type_name=_String,
+)
+_Field = _struct(name=_String, type=_FieldType, default_value=_String)
+_Fields = _array_of(ctypes.POINTER(_Field))
+_Type = _struct(type_name=_String, fields=_Fields)
+_Types = _array_of(ctypes.POINTER(_Type))
+_Description = _struct(type=_Type, referenced=_Types)
+_Hash = _struct(version=ctypes.c_uint8, value=ctypes.c_uint8 * 32)
+# rosidl_message_type_support_t
+_Support = _struct(
+    identifier=ctypes.c_char_p,
+    **dict.fromkeys(("data", "find", "hash", "description", "sources"), ctypes.c_void_p),
+)
+# message_type_support_callbacks_t; what serialises is another type's, and is never called
+_Callbacks = _struct(namespace=ctypes.c_char_p, name=ctypes.c_char_p, others=ctypes.c_void_p * 5)
 
 
 def require_rclpy(what: str) -> None:
@@ -179,12 +155,12 @@ def _made_class(name: str) -> Any:
     return meta(kind, (), {"__slots__": (), "SLOT_TYPES": ()})
 
 
-def _hash_of(name: str) -> _Hash:
+def _hash_of(name: str) -> Any:
     version, digits = type_hash(name).removeprefix("RIHS").split("_")
     return _Hash(int(version), (ctypes.c_uint8 * 32)(*bytes.fromhex(digits)))
 
 
-def _description_of(name: str, kept: list[Any]) -> _Description:
+def _description_of(name: str, kept: list[Any]) -> Any:
     def array(kind: Any, values: list[Any]) -> tuple[Any, int, int]:
         block = (kind * len(values))(*values)
         kept.append(block)
@@ -200,7 +176,7 @@ def _description_of(name: str, kept: list[Any]) -> _Description:
     return _Description(types[0], _Types(*array(_Type, types[1:])))
 
 
-def _text(text: str) -> _String:
+def _text(text: str) -> Any:
     data = text.encode()
     return _String(data, len(data), len(data) + 1)
 
@@ -213,7 +189,7 @@ def _address_in(capsule: Any) -> int:
     return int(api.PyCapsule_GetPointer(capsule, api.PyCapsule_GetName(capsule)))
 
 
-def _capsule_of(support: _Support) -> Any:
+def _capsule_of(support: Any) -> Any:
     new = ctypes.pythonapi.PyCapsule_New
     new.restype, new.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p]
     return new(ctypes.addressof(support), None, None)
