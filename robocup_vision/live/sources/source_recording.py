@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,46 +67,50 @@ def record_source(
             f"{source.name}: record needs the frames of one robot and its camera file (--camera); a simulated match is"
             " recorded by `robocup-vision match --record`"
         )
-    count = located = unusable = 0
-    first_problem, said, begin_s = "", "", None
+    count = located = 0
+    problems: list[str] = []
+    begin_s: float | None = None
     moved: Pose2 | None = None
-    with Recorder(path, vision, settings=settings) as recorder:
+    with Recorder(path, vision, settings=settings) as recorder, suppress(KeyboardInterrupt):
+        for now in _frames(source, say):
+            if isinstance(now, FrameError):
+                problems.append(str(now))
+                continue
+            begin_s = now.t_s if begin_s is None else begin_s
+            if seconds is not None and now.t_s - begin_s >= seconds:
+                break
+            if now.odometry is not None:
+                # motion over a frame that could not be used is not lost
+                moved = now.odometry if moved is None else moved.compose(now.odometry)
+            if now.alone:
+                recorder.forget()
+            try:
+                view = recorder.look(now.frame, now.t_s, moved, now.prior, mounting=now.mounting)
+            except FrameError as error:
+                problems.append(str(error))
+                continue
+            moved = None
+            count += 1
+            located += isinstance(view.pose, PoseEstimate)
+            if now.truth is not None:
+                recorder.add_truth(now.truth, now.t_s)
+            if show is not None:
+                show(now, view)
+    return RecordedSummary(count, located, len(problems), problems[0] if problems else "")
+
+
+def _frames(source: Source, say: Callable[[str], None]) -> Iterator[SourceFrame | FrameError]:
+    """Yield frames until they end, or why one is damaged; say why none come, and that they come again."""
+    said = ""
+    while True:
         try:
-            while True:
-                try:
-                    frames = source.read(_PATIENCE_S)
-                except FrameError as error:
-                    unusable, first_problem = unusable + 1, first_problem or str(error)
-                    continue
-                if frames is None:
-                    break
-                if source.problem != said:
-                    said = source.problem
-                    say(f"{source.name}: {said}" if said else f"{source.name}: gives frames again")
-                for now in frames:
-                    begin_s = now.t_s if begin_s is None else begin_s
-                    if seconds is not None and now.t_s - begin_s >= seconds:
-                        frames = None
-                        break
-                    if now.odometry is not None:
-                        # motion over a frame that could not be used is not lost
-                        moved = now.odometry if moved is None else moved.compose(now.odometry)
-                    if now.alone:
-                        recorder.forget()
-                    try:
-                        view = recorder.look(now.frame, now.t_s, moved, now.prior, mounting=now.mounting)
-                    except FrameError as error:
-                        unusable, first_problem = unusable + 1, first_problem or str(error)
-                        continue
-                    moved = None
-                    count += 1
-                    located += isinstance(view.pose, PoseEstimate)
-                    if now.truth is not None:
-                        recorder.add_truth(now.truth, now.t_s)
-                    if show is not None:
-                        show(now, view)
-                if frames is None:
-                    break
-        except KeyboardInterrupt:
-            pass
-    return RecordedSummary(count, located, unusable, first_problem)
+            frames = source.read(_PATIENCE_S)
+        except FrameError as error:
+            yield error
+            continue
+        if frames is None:
+            return
+        if source.problem != said:
+            said = source.problem
+            say(f"{source.name}: {said}" if said else f"{source.name}: gives frames again")
+        yield from frames
