@@ -18,7 +18,7 @@ class Sweeper:
     """The built-in tactics, but for a keeper that is not needed in its goal."""
 
     def __init__(self, setup: PlayerSetup, settings: PlayerSettings) -> None:
-        self.usual = Tactics(setup.field, setup.limits, setup.number, setup.players, settings.tactics, settings.ball)
+        self.usual = Tactics(setup.field, setup.limits, setup.number, setup.players, settings.tactics)
         self.is_keeper = self.usual.is_keeper
         self.before_m = -0.25 * setup.field.length_m
 

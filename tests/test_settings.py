@@ -23,7 +23,6 @@ from robocup_vision.planning.gaps.gate_planner import GatePlannerSettings
 from robocup_vision.planning.gaze.pose_gaze import Neck, PoseGazeSettings
 from robocup_vision.recording.call_writer import RecorderSettings
 from robocup_vision.tracking import MovingObjectsSettings
-from sim2d.match.tournament import RatingSettings
 from sim2d.rendering.random_scenes import Condition
 from sim2d.rendering.sensor import Sensor
 from sim2d.sensors.faults import LatencySettings
@@ -33,10 +32,10 @@ from sim2d.sensors.team_channel import ChannelSettings
 CHECKED = (
     SteeringSettings(), FeedSettings(), FrameErrors(), OdometryNoise(), PoseFilterSettings(), EgoMotionSettings(),
     FreeSpaceMapSettings(), ViewMotionSettings(), MemorySettings(), MotionLimits(0.4, 0.3), WidthSensor(),
-    GatePlannerSettings(), Neck(), PoseGazeSettings(), RecorderSettings(), MovingObjectsSettings(), RatingSettings(),
+    GatePlannerSettings(), Neck(), PoseGazeSettings(), RecorderSettings(), MovingObjectsSettings(),
     Sensor(), RangeSensor(), ChannelSettings(),
 )  # fmt: skip
-MAY_BE_NEGATIVE = {"first_log_odds", "confirmed_log_odds", "deleted_log_odds", "mean_elo"}
+MAY_BE_NEGATIVE = {"first_log_odds", "confirmed_log_odds", "deleted_log_odds"}
 
 BEYOND = (
     (SteeringSettings, {"directions": 3}),
@@ -63,7 +62,6 @@ BEYOND = (
     (RecorderSettings, {"compression": "gzip"}),
     (RecorderSettings, {"when_full": "block"}),
     (MovingObjectsSettings, {"detection_probability": 1.0}),
-    (RatingSettings, {"prior_std_elo": math.inf}),
     (Sensor, {"bloom": 1.1}),
     (Sensor, {"vignette": 1.5}),
     (Sensor, {"cast_bgr": (1.0, -1.0, 1.0)}),

@@ -121,7 +121,7 @@ def drive(job: tuple[Place, str, int, int]) -> Outcome:
     world = World.course(field, (), starts, LIMITS, rng)
     sensor = Sensor(field, others, LIMITS.radius_m, CONTROL_PERIOD_S, rng)
     detector = ReturnDetector(KnownFreeSpace.of_field(field), LIMITS.radius_m, longest_m=LONGEST_M)
-    objects, floor, wheels = MovingObjects(), SteadyFreeSpace(), WheelVelocity(LIMITS, CONTROL_PERIOD_S)
+    objects, floor, wheels = MovingObjects(), SteadyFreeSpace(), WheelVelocity(LIMITS)
     steering = Steering(LIMITS.radius_m + MARGIN_M, replace(LIMITS, speed_mps=SPEED_MPS), SteeringSettings(step_m=0.01))
     side, touching = 1.0, np.zeros(others, dtype=bool)
     outcome = Outcome()

@@ -50,7 +50,7 @@ class Arena:
     faults : sequence of Fault
         Faults of senses and bodies.
     physics : WorldSettings, optional
-        Of bodies, ball and rules; default: the robots'.
+        Of bodies and ball; default: the robots'.
     sensor : Sensor
         Lens and sensor of every camera.
     referee : RefereeFactory, optional

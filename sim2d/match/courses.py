@@ -26,7 +26,7 @@ from robocup_vision.perception.free_space import FREE_RATIO
 from robocup_vision.vision import Vision
 from sim2d.players.driving.wheels import WheelVelocity
 from sim2d.rendering.scene import Box, Scene, any_box_color
-from sim2d.robot_link import CONTROL_PERIOD_S, Command, Point, RobotLimits
+from sim2d.robot_link import Command, Point, RobotLimits
 from sim2d.sensors.match_camera import MatchCamera
 from sim2d.world.world import World
 
@@ -213,7 +213,7 @@ def drive_course(
     floor = SteadyFreeSpace()
     way = Wayfinder(max(float(vision.grid.ring_bounds_m[0]), limits.radius_m))
     scene = Scene(course.field, boxes=course.boxes)
-    wheels = WheelVelocity(limits, CONTROL_PERIOD_S)
+    wheels = WheelVelocity(limits)
     clearance_m = math.inf
     while world.state.t_s <= patience_s:
         state = world.state

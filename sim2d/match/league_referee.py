@@ -30,47 +30,39 @@ Command = Literal[
 Stage = Literal["first_half", "half_time", "second_half", "post_game"]
 
 
-@dataclass(frozen=True, slots=True)
-class LeagueRefereeSettings:
-    """Values of `LeagueReferee`; those of the rules unless said otherwise."""
-
-    #: Length of a half, and of the halt between two (the rules' five minutes would be waited for in vain).
-    half_s: float = 300.0
-    half_time_s: float = 5.0
-    #: The match begins with a halt of so long; a stop takes at least so long, and after so much of it a person puts the
-    #: ball where it belongs, if no team does. Chosen so that all have noticed.
-    begin_s: float = 1.0
-    stop_s: float = 3.0
-    by_hand_s: float = 0.5
-    #: A kick-off or penalty is prepared for at least so long, and at most.
-    prepare_s: float = 2.0
-    max_prepare_s: float = 10.0
-    #: Who has a kick must take it within so long; None: as long as the field's division says.
-    kick_s: float | None = None
-    #: A team has so long to place the ball.
-    place_s: float = 30.0
-    #: A ball is placed that lies so near to its place, with the placing team's robots so far away: less where the same
-    #: team kicks it then.
-    placed_m: float = 0.15
-    left_m: float = 0.5
-    left_kicker_m: float = 0.05
-    #: A ball in play that stays within this for so long stops the game.
-    still_m: float = 0.05
-    still_s: float = 10.0
-    #: A kicked ball is in play once it has moved so far.
-    in_play_m: float = 0.05
-    #: Robots may drive so fast in a stop, and have so long to slow down, and to make room for a ball that is placed.
-    stop_mps: float = 1.5
-    stop_grace_s: float = 2.0
-    #: Between robots and the ball in a stop and at the other team's kicks.
-    ball_room_m: float = 0.5
-    #: A faster kick is a foul.
-    ball_mps: float = 6.5
-    #: A ball so near to a robot's hull touches it: what a ball moves between two looks at it.
-    touch_m: float = 0.012
-    #: So many fouls are a yellow card; a robot less plays for so long.
-    fouls_a_card: int = 3
-    card_s: float = 120.0
+_HALF_TIME_S = 5.0
+# The match begins with a halt of so long; a stop takes at least so long, and after so much of it a person puts the
+# ball where it belongs, if no team does. Chosen so that all have noticed.
+_BEGIN_S = 1.0
+_STOP_S = 3.0
+_BY_HAND_S = 0.5
+# A kick-off or penalty is prepared for at least so long, and at most.
+_PREPARE_S = 2.0
+_MAX_PREPARE_S = 10.0
+# A team has so long to place the ball.
+_PLACE_S = 30.0
+# A ball is placed that lies so near to its place, with the placing team's robots so far away: less where the same
+# team kicks it then.
+_PLACED_M = 0.15
+_LEFT_M = 0.5
+_LEFT_KICKER_M = 0.05
+# A ball in play that stays within this for so long stops the game.
+_STILL_M = 0.05
+_STILL_S = 10.0
+# A kicked ball is in play once it has moved so far.
+_IN_PLAY_M = 0.05
+# Robots may drive so fast in a stop, and have so long to slow down, and to make room for a ball that is placed.
+_STOP_MPS = 1.5
+_STOP_GRACE_S = 2.0
+# Between robots and the ball in a stop and at the other team's kicks.
+_BALL_ROOM_M = 0.5
+# A faster kick is a foul.
+_BALL_MPS = 6.5
+# A ball so near to a robot's hull touches it: what a ball moves between two looks at it.
+_TOUCH_M = 0.012
+# So many fouls are a yellow card; a robot less plays for so long.
+_FOULS_A_CARD = 3
+_CARD_S = 120.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +82,11 @@ def league_referee(field: Field, limits: RobotLimits) -> LeagueReferee:
 
 class LeagueReferee:
     """Judges one match between side +1, which attacks the goal at +x, and side -1.
+
+    Parameters
+    ----------
+    half_s : float
+        Length of a half; infinite: the match has but one.
 
     Attributes
     ----------
@@ -111,17 +108,18 @@ class LeagueReferee:
         self,
         field: Field,
         robot_radius_m: float,
-        settings: LeagueRefereeSettings = LeagueRefereeSettings(),
+        half_s: float = 300.0,
     ) -> None:
-        self._field, self._radius_m, self._settings = field, robot_radius_m, settings
-        self._kick_s = kick_time_s(field) if settings.kick_s is None else settings.kick_s
+        self._field, self._radius_m, self._half_s = field, robot_radius_m, half_s
+        # who has a kick must take it within so long
+        self._kick_s = kick_time_s(field)
         self.keepers = {1: 0, -1: 0}
         self._rules = PitchRules(field, robot_radius_m)
         self.score = {1: 0, -1: 0}
         self.command: Command = "halt"
         self.command_side, self.command_counter, self.command_s = 0, 1, 0.0
         self.stage: Stage = "first_half"
-        self.stage_end_s = settings.half_s
+        self.stage_end_s = half_s
         self.placement_m: Point | None = None
         self.fouls: list[Foul] = []
         self.cards: dict[int, list[float]] = {1: [], -1: []}
@@ -164,11 +162,10 @@ class LeagueReferee:
 
     def action_left_s(self, t_s: float) -> float | None:
         """Return how long the kick, the placement or its preparation may take yet; None where no time runs."""
-        settings = self._settings
         if self.command == "ball_placement":
-            allowed_s = settings.place_s
+            allowed_s = _PLACE_S
         elif self.command in ("prepare_kick_off", "prepare_penalty"):
-            allowed_s = settings.max_prepare_s
+            allowed_s = _MAX_PREPARE_S
         elif self.phase in ("free_kick", "penalty"):
             allowed_s = self._kick_s
         else:
@@ -231,25 +228,25 @@ class LeagueReferee:
             return self._end_stage(t_s)
         self._note_touch(robots, ball)
         if self.command == "halt":
-            over = self._settings.begin_s if self.stage == "first_half" else self._settings.half_time_s
+            over = _BEGIN_S if self.stage == "first_half" else _HALF_TIME_S
             if self.stage != "post_game" and waited >= over:
                 self.stage = "second_half" if self.stage == "half_time" else self.stage
                 self._give("stop", 0, t_s)
             return []
         if self.command == "stop":
             self._watch_room(t_s, robots, ball, (1, -1))
-            if self._is_moved_by_hand and waited >= self._settings.by_hand_s:
+            if self._is_moved_by_hand and waited >= _BY_HAND_S:
                 self._is_moved_by_hand = False
                 return [Ruling(None, self._next.place_m)]
-            return self._after_stop(t_s, ball) if waited >= self._settings.stop_s else []
+            return self._after_stop(t_s, ball) if waited >= _STOP_S else []
         if self.command == "ball_placement":
             self._watch_room(t_s, robots, ball, (-self.command_side,))
             return self._while_placing(t_s, robots, ball)
         if self.command in ("prepare_kick_off", "prepare_penalty"):
-            ready = waited >= self._settings.prepare_s and (
+            ready = waited >= _PREPARE_S and (
                 self.command == "prepare_penalty" or self._rules.is_ready_for_kick_off(self.command_side, robots)
             )
-            if ready or waited >= self._settings.max_prepare_s:
+            if ready or waited >= _MAX_PREPARE_S:
                 self._kick_from = (ball.x_m, ball.y_m)
                 self._touching = self._last = self._kicker = None
                 self._give("normal_start", self.command_side, t_s)
@@ -258,7 +255,6 @@ class LeagueReferee:
         return self._in_play(t_s, robots, ball)
 
     def _in_play(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
-        settings = self._settings
         scored = self._rules.goal_of(ball)
         if scored:
             self.score[scored] += 1
@@ -271,7 +267,7 @@ class LeagueReferee:
             return [Ruling(Event(t_s, "ball_out"))]
         if self._kick_from is not None:
             moved = math.dist(self._kick_from, (ball.x_m, ball.y_m))
-            if moved <= settings.in_play_m:
+            if moved <= _IN_PLAY_M:
                 self._watch_room(t_s, robots, ball, (-self.command_side,))
                 if t_s - self.command_s > self._kick_s:
                     self._stop(t_s, NextPlay("force_start", 0, (ball.x_m, ball.y_m)))
@@ -285,9 +281,9 @@ class LeagueReferee:
         if is_penalty and t_s - self.command_s > self._kick_s:
             self._stop(t_s, NextPlay("free_kick", -self.command_side, self._rules.legal_place((ball.x_m, ball.y_m))))
             return []
-        if math.hypot(ball.x_m - self._still[0], ball.y_m - self._still[1]) > settings.still_m:
+        if math.hypot(ball.x_m - self._still[0], ball.y_m - self._still[1]) > _STILL_M:
             self._still = (ball.x_m, ball.y_m, t_s)
-        elif t_s - self._still[2] > settings.still_s:
+        elif t_s - self._still[2] > _STILL_S:
             self._stop(t_s, NextPlay("force_start", 0, self._rules.legal_place((ball.x_m, ball.y_m))))
             return [Ruling(Event(t_s, "drop"))]
         self._watch_touches(t_s, ball)
@@ -295,10 +291,7 @@ class LeagueReferee:
 
     def _after_stop(self, t_s: float, ball: BallState) -> list[Ruling]:
         kind, side, place = self._next
-        if (
-            math.dist(place, (ball.x_m, ball.y_m)) > self._settings.placed_m
-            or abs(ball.vx_mps) + abs(ball.vy_mps) > 0.1
-        ):
+        if math.dist(place, (ball.x_m, ball.y_m)) > _PLACED_M or abs(ball.vx_mps) + abs(ball.vy_mps) > 0.1:
             if kind == "force_start":
                 # somebody has moved it since it was put there
                 self._stop(t_s, self._next)
@@ -309,11 +302,9 @@ class LeagueReferee:
         return self._restart(t_s)
 
     def _while_placing(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
-        settings, place = self._settings, self._next.place_m
-        lies = (
-            math.dist(place, (ball.x_m, ball.y_m)) < settings.placed_m and math.hypot(ball.vx_mps, ball.vy_mps) < 0.05
-        )
-        room_m = settings.left_kicker_m if self._next.kind == "free_kick" else settings.left_m
+        place = self._next.place_m
+        lies = math.dist(place, (ball.x_m, ball.y_m)) < _PLACED_M and math.hypot(ball.vx_mps, ball.vy_mps) < 0.05
+        room_m = _LEFT_KICKER_M if self._next.kind == "free_kick" else _LEFT_M
         left = all(
             math.dist((robot.pose.x_m, robot.pose.y_m), (ball.x_m, ball.y_m)) - self._radius_m > room_m
             for robot in robots
@@ -321,7 +312,7 @@ class LeagueReferee:
         )
         if lies and left:
             return self._restart(t_s)
-        if t_s - self.command_s > settings.place_s:
+        if t_s - self.command_s > _PLACE_S:
             self.placement_failures[self.command_side] += 1
             self._is_moved_by_hand = True
             self._stop(t_s, self._next)
@@ -357,7 +348,7 @@ class LeagueReferee:
     def _end_stage(self, t_s: float) -> list[Ruling]:
         if self.stage == "first_half":
             self.stage = "half_time"
-            self.stage_end_s = t_s + self._settings.half_time_s + self._settings.half_s
+            self.stage_end_s = t_s + _HALF_TIME_S + self._half_s
             self._next = NextPlay("kick_off", -1, (0.0, 0.0))
             self._is_moved_by_hand = True
         else:
@@ -366,7 +357,7 @@ class LeagueReferee:
         return []
 
     def _note_touch(self, robots: Sequence[RobotState], ball: BallState) -> None:
-        reach = self._radius_m + self._field.ball_radius_m + self._settings.touch_m
+        reach = self._radius_m + self._field.ball_radius_m + _TOUCH_M
         near = [(math.dist((r.pose.x_m, r.pose.y_m), (ball.x_m, ball.y_m)), r.side, r.number) for r in robots]
         away, side, number = min(near, default=(math.inf, 0, 0))
         # no robot is higher than this
@@ -380,7 +371,7 @@ class LeagueReferee:
 
     def _watch_touches(self, t_s: float, ball: BallState) -> None:
         """Stop the game for a foul at the ball."""
-        if self._last is not None and math.hypot(ball.vx_mps, ball.vy_mps) > self._settings.ball_mps:
+        if self._last is not None and math.hypot(ball.vx_mps, ball.vy_mps) > _BALL_MPS:
             self._foul(t_s, *self._last, "fast_ball", ball)
             return
         if self._touching is None:
@@ -398,23 +389,23 @@ class LeagueReferee:
 
     def _watch_room(self, t_s: float, robots: Sequence[RobotState], ball: BallState, sides: tuple[int, ...]) -> None:
         """Note robots that are too near to the ball or, in a stop, too fast."""
-        if t_s - self.command_s < self._settings.stop_grace_s:
+        if t_s - self.command_s < _STOP_GRACE_S:
             return
         for robot in robots:
             if robot.side not in sides:
                 continue
             away = math.dist((robot.pose.x_m, robot.pose.y_m), (ball.x_m, ball.y_m)) - self._radius_m
             key = robot.side, robot.number
-            if away >= self._settings.ball_room_m:
+            if away >= _BALL_ROOM_M:
                 self._near_since_s.pop(key, None)
             elif self.command != "ball_placement" or self._is_in_the_way(key, t_s):
                 self._note(t_s, *key, "near_ball")
-            if self.command == "stop" and math.hypot(*robot.velocity_mps) > self._settings.stop_mps:
+            if self.command == "stop" and math.hypot(*robot.velocity_mps) > _STOP_MPS:
                 self._note(t_s, robot.side, robot.number, "fast_in_stop")
 
     def _is_in_the_way(self, key: tuple[int, int], t_s: float) -> bool:
         """Whether a robot has stayed near a ball that is being placed: who makes room in time may."""
-        return t_s - self._near_since_s.setdefault(key, t_s) > self._settings.stop_grace_s
+        return t_s - self._near_since_s.setdefault(key, t_s) > _STOP_GRACE_S
 
     def _foul(self, t_s: float, side: int, number: int, kind: FoulKind, ball: BallState) -> None:
         self._stop(t_s, self._rules.after_foul(side, kind, ball))
@@ -427,12 +418,12 @@ class LeagueReferee:
             return
         self._noted.add((side, number, kind))
         self.fouls.append(Foul(t_s, side, number, kind))
-        if self.foul_count(side) % self._settings.fouls_a_card == 0:
-            self.cards[side].append(t_s + self._settings.card_s)
+        if self.foul_count(side) % _FOULS_A_CARD == 0:
+            self.cards[side].append(t_s + _CARD_S)
 
     def card_count(self, side: int) -> int:
         """Return how many yellow cards a side has got."""
-        return self.foul_count(side) // self._settings.fouls_a_card
+        return self.foul_count(side) // _FOULS_A_CARD
 
     def foul_count(self, side: int) -> int:
         """Return how many fouls a side has committed."""

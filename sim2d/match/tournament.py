@@ -35,6 +35,11 @@ from sim2d.report.match_figures import match_json
 from sim2d.robot_link import PlayerFactory
 
 _ELO_PER_LOGIT = 400.0 / math.log(10.0)
+# mean of all ratings: results tell differences alone
+_MEAN_ELO = 1500.0
+# Standard deviation of a rating before any match: it keeps a player finite that won or lost all its matches. 400 Elo
+# are ten matches won for one lost; among players of one program that is a large difference.
+_PRIOR_STD_ELO = 400.0
 # Newton's method doubles the digits with each step
 _MAX_STEPS = 100
 _CONVERGED_LOGIT = 1e-12
@@ -125,23 +130,6 @@ def tournament_json(plan: MatchPlan, results: Sequence[dict[str, Any]]) -> dict[
     }
 
 
-@dataclass(frozen=True, slots=True)
-class RatingSettings:
-    """Values of `rate_players`."""
-
-    #: Mean of all ratings: results tell differences alone.
-    mean_elo: float = 1500.0
-    #: Standard deviation of a rating before any match. Keeps a player finite that won or lost all its matches. 400 Elo
-    #: are ten matches won for one lost; among players of one program that is a large difference.
-    prior_std_elo: float = 400.0
-
-    def __post_init__(self) -> None:
-        if not math.isfinite(self.mean_elo):
-            raise ArgumentError(f"mean_elo must be finite, got {self.mean_elo!r}")
-        if not 0.0 < self.prior_std_elo < math.inf:
-            raise ArgumentError(f"prior_std_elo must be positive, got {self.prior_std_elo!r}")
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Ratings:
     """Ratings of some players."""
@@ -165,7 +153,7 @@ class Ratings:
         return float(self.elo[first] - self.elo[second]), math.sqrt(max(variance, 0.0))
 
 
-def rate_players(points: FloatArray, settings: RatingSettings = RatingSettings()) -> Ratings:
+def rate_players(points: FloatArray) -> Ratings:
     """Rate players by what they won against each other.
 
     Parameters
@@ -185,7 +173,7 @@ def rate_players(points: FloatArray, settings: RatingSettings = RatingSettings()
         raise ArgumentError("points must be finite, not negative, and 0 on the diagonal")
     players = len(won)
     matches = won + won.T
-    prior = (_ELO_PER_LOGIT / settings.prior_std_elo) ** 2
+    prior = (_ELO_PER_LOGIT / _PRIOR_STD_ELO) ** 2
     rating = np.zeros(players)
     information = np.eye(players)
     value = _log_posterior(rating, won, prior)
@@ -206,7 +194,7 @@ def rate_players(points: FloatArray, settings: RatingSettings = RatingSettings()
     centred = np.eye(players) - 1.0 / players
     covariance = centred @ np.linalg.inv(information) @ centred * _ELO_PER_LOGIT**2
     rating = rating - rating.mean()
-    return Ratings(settings.mean_elo + _ELO_PER_LOGIT * rating, covariance)
+    return Ratings(_MEAN_ELO + _ELO_PER_LOGIT * rating, covariance)
 
 
 def _log_posterior(rating: FloatArray, won: FloatArray, prior: float) -> float:

@@ -21,7 +21,7 @@ from robocup_vision.ssl.values.controller import (
 )
 from robocup_vision.ssl.values.referee import Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
-from sim2d.match.league_referee import Command, Foul, LeagueReferee, LeagueRefereeSettings
+from sim2d.match.league_referee import Command, Foul, LeagueReferee
 from sim2d.match.pitch_rules import NextPlay, Restart
 from sim2d.network.packets import COMMANDS, NEXT, US_PER_S
 from sim2d.world.state import BallState, RobotState
@@ -47,7 +47,7 @@ class Autoref:
     """Watches one match under a game controller."""
 
     def __init__(self, field: Field) -> None:
-        self._referee = LeagueReferee(field, field.robot_radius_m, settings=LeagueRefereeSettings(half_s=math.inf))
+        self._referee = LeagueReferee(field, field.robot_radius_m, half_s=math.inf)
         self._field = field
         self._packet: Referee | None = None
         self._followed: tuple[Command, int, float, NextPlay | None, Restart] | None = None

@@ -25,35 +25,30 @@ _MOUTH_STD_M = 0.01
 _MIN_BEARING_STD_RAD, _MAX_CORRELATION = 0.005, 0.99
 
 
-@dataclass(frozen=True, slots=True)
-class BallMemorySettings:
-    """Values of `BallMemory` and `HiddenBall`."""
-
-    #: Time after which an unseen ball may be anywhere: a kicked one crosses a field in it.
-    forget_s: float = 4.0
-    #: Weight of a new velocity, which is noisy if computed from two positions a frame apart.
-    velocity_gain: float = 0.4
-    #: Greatest time between two positions for a velocity; after more the ball may have turned.
-    max_gap_s: float = 0.25
-    #: Greatest speed of a ball; a faster one is a wrong detection.
-    max_speed_mps: float = 4.0
-    #: Time after which a ball that is not seen at a visible place is not there.
-    missed_s: float = 0.5
-    #: Greatest distance at which a reported ball is rejected if the robot sees the floor there, because small cameras
-    #: miss far balls.
-    reported_missed_m: float = 1.0
-    #: Time after which an unseen ball is assumed to be hidden by the robot that held it.
-    hidden_s: float = 0.15
-    #: Distance of a ball from another robot's centre, in reaches (robot radius plus ball radius), within which it is
-    #: held.
-    taken_reaches: float = 2.0
+# Time after which an unseen ball may be anywhere: a kicked one crosses a field in it.
+_FORGET_S = 4.0
+# Weight of a new velocity, which is noisy if computed from two positions a frame apart.
+_VELOCITY_GAIN = 0.4
+# Greatest time between two positions for a velocity; after more the ball may have turned.
+_MAX_GAP_S = 0.25
+# Greatest speed of a ball; a faster one is a wrong detection.
+_MAX_SPEED_MPS = 4.0
+# Time after which a ball that is not seen at a visible place is not there.
+_MISSED_S = 0.5
+# Greatest distance at which a reported ball is rejected if the robot sees the floor there, because small cameras
+# miss far balls.
+_REPORTED_MISSED_M = 1.0
+# Time after which an unseen ball is assumed to be hidden by the robot that held it.
+_HIDDEN_S = 0.15
+# Distance of a ball from another robot's centre, in reaches (robot radius plus ball radius), within which it is
+# held.
+TAKEN_REACHES = 2.0
 
 
 class BallMemory:
     """The last seen ball, field frame."""
 
-    def __init__(self, settings: BallMemorySettings = BallMemorySettings()) -> None:
-        self.settings = settings
+    def __init__(self) -> None:
         self._place: Point | None = None
         self._velocity: Point = (0.0, 0.0)
         self._seen_s = -math.inf
@@ -66,15 +61,14 @@ class BallMemory:
         velocity_mps : (float, float), optional
             Its velocity if known; otherwise it is computed from positions.
         """
-        settings = self.settings
         gap_s = t_s - self._seen_s
         if velocity_mps is not None:
             self._velocity = velocity_mps
-        elif self._place is not None and 0.0 < gap_s <= settings.max_gap_s:
+        elif self._place is not None and 0.0 < gap_s <= _MAX_GAP_S:
             moved = ((place[0] - self._place[0]) / gap_s, (place[1] - self._place[1]) / gap_s)
-            if math.hypot(*moved) > settings.max_speed_mps:
+            if math.hypot(*moved) > _MAX_SPEED_MPS:
                 moved = (0.0, 0.0)
-            (x, y), gain = self._velocity, settings.velocity_gain
+            (x, y), gain = self._velocity, _VELOCITY_GAIN
             self._velocity = (x + gain * (moved[0] - x), y + gain * (moved[1] - y))
         else:
             self._velocity = (0.0, 0.0)
@@ -86,7 +80,7 @@ class BallMemory:
 
     def place(self, t_s: float) -> Point | None:
         """Return its last place, field frame; None after too long a time."""
-        return self._place if self.age_s(t_s) <= self.settings.forget_s else None
+        return self._place if self.age_s(t_s) <= _FORGET_S else None
 
     @property
     def velocity_mps(self) -> Point:
@@ -107,15 +101,15 @@ class HiddenBall:
         Distance from a robot's centre to the centre of a ball in contact.
     """
 
-    def __init__(self, reach_m: float, settings: BallMemorySettings = BallMemorySettings()) -> None:
-        self._reach_m, self._settings = reach_m, settings
+    def __init__(self, reach_m: float) -> None:
+        self._reach_m = reach_m
         self._carrier: int | None = None
 
     def update(self, ball: Point, tracks: Sequence[Track], age_s: float) -> None:
         """Update with the ball's place and the tracked robots, as of `age_s` ago."""
         away = {track.number: math.dist(track.place_after(age_s), ball) for track in tracks}
         nearest = min(away, key=away.__getitem__, default=None)
-        is_taken = nearest is not None and away[nearest] < self._settings.taken_reaches * self._reach_m
+        is_taken = nearest is not None and away[nearest] < TAKEN_REACHES * self._reach_m
         self._carrier = nearest if is_taken else None
 
     def place(self, robot: Point, tracks: Sequence[Track], age_s: float) -> tuple[Point, Point] | None:
@@ -190,19 +184,18 @@ class BallKnowledge:
     def __init__(
         self,
         reach_m: float,
-        settings: BallMemorySettings,
         *,
         hides: bool,
         talk: TeamTalk | None,
         nods: NoddingCamera | None = None,
     ) -> None:
-        self._reach_m, self._settings, self._talk = reach_m, settings, talk
+        self._reach_m, self._talk = reach_m, talk
         self._nods = nods
         self._moved_s = -math.inf
-        self._memory = BallMemory(settings)
+        self._memory = BallMemory()
         # sightings for messages are filtered, too, because others get only two of thirty each second
         self._track = None if talk is None and nods is None else BallTrack()
-        self._hidden = HiddenBall(reach_m, settings) if hides else None
+        self._hidden = HiddenBall(reach_m) if hides else None
         self._known: KnownBall | None = None
         self._known_t_s = -math.inf
 
@@ -268,22 +261,21 @@ class BallKnowledge:
         tracks : tuple of Track
             Tracked robots, as of `age_s` ago.
         """
-        memory, settings = self._memory, self._settings
+        memory = self._memory
         ball, unseen_s = memory.place(t_s), memory.age_s(t_s)
-        is_missed = unseen_s > settings.missed_s and robot is not None and free_space is not None
+        is_missed = unseen_s > _MISSED_S and robot is not None and free_space is not None
         if ball is not None and is_missed and self._sees(robot, free_space, ball, math.inf):
             self._miss()
             ball = None
         velocity, is_hidden = memory.velocity_mps, False
-        if self._hidden is not None and robot is not None and settings.hidden_s < unseen_s <= settings.forget_s:
+        if self._hidden is not None and robot is not None and _HIDDEN_S < unseen_s <= _FORGET_S:
             hidden = self._hidden.place((robot.x_m, robot.y_m), tracks, age_s)
             if hidden is not None:
                 (ball, velocity), is_hidden = hidden, True
         known = KnownBall(ball, velocity)
         if self._talk is not None:
             known = self._with_others(self._talk, known, is_hidden, t_s)
-            within_m = settings.reported_missed_m
-            if known.place is not None and is_missed and self._sees(robot, free_space, known.place, within_m):
+            if known.place is not None and is_missed and self._sees(robot, free_space, known.place, _REPORTED_MISSED_M):
                 fused = self._talk.ball(None, t_s)
                 if fused is not None:
                     self._talk.reject(fused)

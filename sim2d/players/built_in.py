@@ -25,6 +25,7 @@ from robocup_vision.planning.shots.shot_planner import ShotPlan
 from robocup_vision.view import View
 from sim2d.kick_off import kick_off_pose
 from sim2d.players.ball import block_ball
+from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.driving.travel import Travel, TravelPlanner
 from sim2d.players.head import Head, HeadView, PoseLook
 from sim2d.players.keep_out import allowed_target, block_zones
@@ -37,7 +38,17 @@ from sim2d.players.team_talk import TeamTalk
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, Player, PlayerSetup, PlayerStatus, Point, Reason, Senses
 
 _NO_MOTION = Pose2(0.0, 0.0, 0.0)
-
+# of its pose when a match begins with a kick-off: standard deviations of 5 cm and 3 degrees
+_START_COVARIANCE = np.diag([0.05, 0.05, math.radians(3.0)]) ** 2
+# margin of the filtered free floor, see `SteadyFreeSpace`
+_FLOOR_MARGIN_RATIO = 0.02
+# greatest age of a frame by whose free space it drives, because obstacles move; then it stops
+_MAX_FRAME_AGE_S = 0.4
+# least time between looks with a pinhole camera while no pose is expected: a search of the whole field takes as long as
+# several other looks, and errors of close frames are correlated
+_LOST_LOOK_S = 0.1
+# turning rate while it is not located, to see more of the field
+_LOST_RPS = 1.0
 
 # features that a player may use in addition to the frames and the odometry of its own robot
 USES = {
@@ -88,23 +99,16 @@ class BuiltInPlayer:
     def __init__(self, setup: PlayerSetup, team: BuiltInTeam = BuiltInTeam()) -> None:
         settings, parts, uses = team.settings, team.parts, team.uses
         plans = "plans" in uses
-        self._setup, self._settings = setup, settings
+        self._setup = setup
         field, limits, camera = setup.field, setup.limits, setup.camera
         self._head: Head | None = None
         self._sees_ahead_only = setup.sees_ahead_only
         if self._sees_ahead_only and isinstance(camera, PinholeCamera) and limits.pan_limit_rad > 0:
-            self._head = Head(
-                field,
-                limits,
-                camera,
-                plans=plans,
-                asks="goal_looks" in uses,
-                looks_again=plans and "floor_looks" in uses,
-                settings=settings.head,
-            )
+            looks_again = plans and "floor_looks" in uses
+            self._head = Head(field, limits, camera, plans=plans, asks="goal_looks" in uses, looks_again=looks_again)
         # a fixed camera that does not see all around turns with the robot
         is_fixed = self._sees_ahead_only and self._head is None
-        self._pose_look = PoseLook(field, settings.look) if is_fixed else None
+        self._pose_look = PoseLook(field) if is_fixed else None
         self._localizer = parts.localizer(setup, settings, plans or "memory" in uses)
         if self._localizer.memory is None:
             raise ArgumentError("a player's localizer must have a memory")
@@ -121,13 +125,13 @@ class BuiltInPlayer:
         self._talk: TeamTalk | None = None
         if "messages" in uses:
             role = parts.role(setup, settings, self._tactics.is_keeper)
-            self._talk = TeamTalk(setup, role, settings.talk)
+            self._talk = TeamTalk(setup, role)
         hides = plans and self._memory.free_map is not None
         self._ball = parts.ball(setup, settings, hides, self._talk)
         self._phase: Phase = "play"
         self._view: View | None = None
         self._view_t_s = self._looked_s = -math.inf
-        self._floor = SteadyFreeSpace(settings.floor_margin_ratio)
+        self._floor = SteadyFreeSpace(_FLOOR_MARGIN_RATIO)
         # the recently visible floor of a camera that sees a part of it
         self._recent = RecentFreeSpace(limits.radius_m) if self._sees_ahead_only else None
         # free space in the last frame, and for driving
@@ -141,20 +145,11 @@ class BuiltInPlayer:
         self._planner: TravelPlanner | None = None
         self._shooter: Shooter | None = None
         if plans and self._memory.free_map is not None:
-            self._planner = TravelPlanner(field, limits, self._memory.free_map.looks_to_free, settings.travel)
+            self._planner = TravelPlanner(field, limits, self._memory.free_map.looks_to_free)
             # keepers do not shoot
             if field.goals and not self._tactics.is_keeper:
-                planned = self._planner
-                self._shooter = Shooter(
-                    field,
-                    limits,
-                    setup.attacks,
-                    settings.shot,
-                    motion=dataclasses.replace(
-                        settings.motion, holding_mps=planned.holding_mps, holding_rps=planned.holding_rps
-                    ),
-                    keeper=settings.tactics.keeper,
-                )
+                motion = MotionSettings(self._planner.holding_mps, self._planner.holding_rps)
+                self._shooter = Shooter(field, limits, setup.attacks, motion=motion)
         self._travel: Travel | None = None
         # target of the drive, field frame
         self._target: Point | None = None
@@ -211,9 +206,7 @@ class BuiltInPlayer:
             odometry = _NO_MOTION
         self._filter.predict(odometry, senses.t_s)
         if self._last_t_s is None and senses.phase == "kick_off":
-            std_m, std_rad = self._settings.start_std_m, self._settings.start_std_rad
-            covariance = np.diag([std_m, std_m, std_rad]) ** 2
-            self._filter.update(PoseEstimate(self._start, covariance, 1.0, 0.0), senses.t_s)
+            self._filter.update(PoseEstimate(self._start, _START_COVARIANCE, 1.0, 0.0), senses.t_s)
         self._driving.update(odometry, senses.t_s)
         self._last_t_s = senses.t_s
         if not senses.ball_in_mouth:
@@ -231,7 +224,7 @@ class BuiltInPlayer:
         self._last_frame = frame.copy()
         if self._head is not None and senses.frame_pan_rad is not None:
             self._head.pan_rad = senses.frame_pan_rad
-        is_soon = frame_t_s - self._looked_s < self._settings.lost_look_s
+        is_soon = frame_t_s - self._looked_s < _LOST_LOOK_S
         if is_soon and self._sees_ahead_only and self._filter.prior(frame_t_s) is None:
             return
         self._looked_s = frame_t_s
@@ -249,7 +242,7 @@ class BuiltInPlayer:
         motion = self._filter.motion_since(frame_t_s)
         before = self._filter.motion_since(self._view_t_s)
         if before is None or motion is None:
-            self._floor = SteadyFreeSpace(self._settings.floor_margin_ratio)
+            self._floor = SteadyFreeSpace(_FLOOR_MARGIN_RATIO)
             if self._recent is not None:
                 self._recent.forget()
         moved = _NO_MOTION if before is None or motion is None else before.compose(motion.inverse())
@@ -269,7 +262,7 @@ class BuiltInPlayer:
             return Command()
         belief = self._filter.belief
         motion = self._filter.motion_since(self._view_t_s)
-        is_late = senses.t_s - self._view_t_s > self._settings.max_frame_age_s
+        is_late = senses.t_s - self._view_t_s > _MAX_FRAME_AGE_S
         if not belief or motion is None or is_late or self._view is None or not self._free_space or not self._drivable:
             if self._talk is not None:
                 # it does not see the floor around it, but others may report the ball
@@ -277,7 +270,7 @@ class BuiltInPlayer:
                 known = self._ball.locate(pose, None, senses.t_s, *self._tracks(senses.t_s))
                 self._talk.role(pose, known.place, senses.t_s)
             self._intent = "look around" if self._view is not None else "wait"
-            return Command(turn_rps=0.0 if is_late or self._head is not None else self._settings.lost_rps)
+            return Command(turn_rps=0.0 if is_late or self._head is not None else _LOST_RPS)
         pose = belief.pose
         in_view = self._free_space_now(self._free_space, motion)
         free_space = in_view if self._recent is None else self._free_space_now(self._drivable, motion)

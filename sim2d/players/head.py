@@ -24,25 +24,44 @@ from robocup_vision.planning import (
 )
 from robocup_vision.planning.gaze.field_landmarks import field_landmarks
 from robocup_vision.planning.gaze.goal_question import identified_goal
-from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, PoseGaze, PoseGazeSettings
+from robocup_vision.planning.gaze.pose_gaze import GOAL_DETECTORS, PoseGaze
 from robocup_vision.view import View
 from sim2d.players.plan import Plan
 from sim2d.robot_link import Point, RobotLimits
 
-
-@dataclass(frozen=True, slots=True)
-class FieldHalfSettings:
-    """Values of `FieldHalf`."""
-
-    #: Distance moved after which the robot starts a new question, because missed goals may be visible from there.
-    elsewhere_m: float = 0.3
+# Distance moved after which the robot starts a new question, because missed goals may be visible from there.
+_ELSEWHERE_M = 0.3
+# Greatest difference from the wanted pan at which a frame counts as a look.
+_ARRIVED_RAD = 0.15
+# Standard deviation of the position at which it starts to look. On a large field errors are 1.3 times the standard
+# deviation, and at three times this the robot is not located within 15 cm.
+UNSURE_M = 0.035
+# Standard deviation at which it stops looking.
+SURE_M = 0.0175
+# Least distance of a crossing; nearer ones would soon be below the picture.
+_NEAREST_CROSSING_M = 0.5
+# Durations of watching the ball and of looking for goals, in turn.
+WATCH_S = 1.5
+# Greatest pan of a sweep; goals are seldom behind.
+_SWEEP_RAD = 1.4
+# Standard deviation of the heading at which the head looks for goals instead of the ball: at three times this the
+# robot is not located within 5 degrees.
+_UNSURE_RAD = 0.03
+# Number of successive frames without a pose after which it also looks for goals: robots crowding around the ball
+# hide everything else, and a push turns a robot without its odometry noticing.
+UNLOCATED_LOOKS = 6
+# Time after which a planned gaze is computed again.
+_REPLAN_S = 0.1
+# Standard deviations of a pose's drift in a second without frames.
+_DRIFT_M = 0.03
+_DRIFT_RAD = 0.05
 
 
 class FieldHalf:
     """Looks for the half of the field while the pose filter has two mirrored modes, which it then weighs."""
 
-    def __init__(self, field: Field, camera: PinholeCamera, neck: Neck, settings: FieldHalfSettings) -> None:
-        self._field, self._settings = field, settings
+    def __init__(self, field: Field, camera: PinholeCamera, neck: Neck) -> None:
+        self._field = field
         self._question = GoalQuestion(field, camera, neck)
         # position at the first look of the question; None: no question is open
         self._asked_m: tuple[float, float] | None = None
@@ -63,7 +82,7 @@ class FieldHalf:
         here = (halves[0].pose.x_m, halves[0].pose.y_m)
         if self._asked_m is not None:
             turned = (-here[0], -here[1])
-            if min(math.dist(self._asked_m, here), math.dist(self._asked_m, turned)) > self._settings.elsewhere_m:
+            if min(math.dist(self._asked_m, here), math.dist(self._asked_m, turned)) > _ELSEWHERE_M:
                 self.forget()
         fixation = self._question.choose(halves, pan_rad, blockers)
         if fixation.answer == "decided":
@@ -96,14 +115,6 @@ def mirrored(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
     return ()
 
 
-@dataclass(frozen=True, slots=True)
-class FloorLookSettings:
-    """Values of `FloorLook`."""
-
-    #: Greatest difference from the wanted pan at which a frame counts as a look.
-    arrived_rad: float = 0.15
-
-
 class FloorLook:
     """Chooses looks at undecided floor for one player.
 
@@ -113,8 +124,8 @@ class FloorLook:
         Half of the camera's horizontal field of view.
     """
 
-    def __init__(self, limits: RobotLimits, half_view_rad: float, settings: FloorLookSettings) -> None:
-        self._limits, self._half_view_rad, self._settings = limits, half_view_rad, settings
+    def __init__(self, limits: RobotLimits, half_view_rad: float) -> None:
+        self._limits, self._half_view_rad = limits, half_view_rad
         self._planner: SelectiveLook | None = None
         # pan, place and position of the last chosen look
         self._wanted: tuple[float, Point, Point] | None = None
@@ -154,29 +165,15 @@ class FloorLook:
         if self._planner is None or self._wanted is None:
             return
         wanted_rad, at_m, from_m = self._wanted
-        if abs(pan_rad - wanted_rad) < self._settings.arrived_rad:
+        if abs(pan_rad - wanted_rad) < _ARRIVED_RAD:
             self._planner.observe(at_m, from_m)
             self._wanted = None
-
-
-@dataclass(frozen=True, slots=True)
-class PoseLookSettings:
-    """Values of `PoseLook`."""
-
-    #: Standard deviation of the position at which it starts to look. On a large field errors are 1.3 times the standard
-    #: deviation, and at three times this the robot is not located within 15 cm.
-    unsure_m: float = 0.035
-    #: Standard deviation at which it stops looking.
-    sure_m: float = 0.0175
-    #: Least distance of a crossing; nearer ones would soon be below the picture.
-    nearest_m: float = 0.5
 
 
 class PoseLook:
     """Chooses directions for a robot with a fixed camera."""
 
-    def __init__(self, field: Field, settings: PoseLookSettings = PoseLookSettings()) -> None:
-        self._settings = settings
+    def __init__(self, field: Field) -> None:
         self._crossings = [(mark.x_m, mark.y_m) for mark in field_landmarks(field) if mark.kind == "crossing"]
         self._looks = False
 
@@ -185,12 +182,12 @@ class PoseLook:
 
         Two crossing lines determine a pose completely, and the nearest ones most accurately.
         """
-        settings, (x_m, y_m) = self._settings, (robot.pose.x_m, robot.pose.y_m)
-        self._looks = max(robot.std[:2]) > (settings.sure_m if self._looks else settings.unsure_m)
+        x_m, y_m = robot.pose.x_m, robot.pose.y_m
+        self._looks = max(robot.std[:2]) > (SURE_M if self._looks else UNSURE_M)
         if not self._looks:
             return None
         ways = [(x - x_m, y - y_m) for x, y in self._crossings]
-        ahead = [way for way in ways if math.hypot(*way) > settings.nearest_m]
+        ahead = [way for way in ways if math.hypot(*way) > _NEAREST_CROSSING_M]
         if not ahead:
             return None
         x, y = min(ahead, key=lambda way: math.hypot(*way))
@@ -202,31 +199,6 @@ class PoseLook:
         if look_rad is None or plan.close or plan.holding:
             return plan
         return replace(plan, heading_rad=look_rad if attacks > 0 else look_rad + math.pi, looks=True)
-
-
-@dataclass(frozen=True, slots=True)
-class HeadSettings:
-    """Values of `Head`."""
-
-    #: Durations of watching the ball and of looking for goals, in turn.
-    watch_s: float = 1.5
-    sweep_s: float = 1.5
-    #: Greatest pan of a sweep; goals are seldom behind.
-    sweep_rad: float = 1.4
-    #: Standard deviation of the heading at which the head looks for goals instead of the ball: at three times this the
-    #: robot is not located within 5 degrees.
-    unsure_rad: float = 0.03
-    #: Number of successive frames without a pose after which it also looks for goals: robots crowding around the ball
-    #: hide everything else, and a push turns a robot without its odometry noticing.
-    unlocated_looks: int = 6
-    #: Time after which a planned gaze is computed again.
-    replan_s: float = 0.1
-    #: Standard deviations of a pose's drift in a second without frames.
-    drift_m: float = 0.03
-    drift_rad: float = 0.05
-    gaze: PoseGazeSettings = PoseGazeSettings()
-    half: FieldHalfSettings = FieldHalfSettings()
-    floor: FloorLookSettings = FloorLookSettings()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -288,19 +260,16 @@ class Head:
         plans: bool,
         asks: bool = False,
         looks_again: bool = False,
-        settings: HeadSettings = HeadSettings(),
     ) -> None:
-        self._limits, self._settings = limits, settings
-        self._neck = Neck(min(settings.sweep_rad, limits.pan_limit_rad), limits.pan_rps)
-        self._planner = (
-            PoseGaze(field, camera, self._neck, detectors=GOAL_DETECTORS, settings=settings.gaze) if plans else None
-        )
-        self._drift = np.diag([settings.drift_m**2, settings.drift_m**2, settings.drift_rad**2])
+        self._limits = limits
+        self._neck = Neck(min(_SWEEP_RAD, limits.pan_limit_rad), limits.pan_rps)
+        self._planner = PoseGaze(field, camera, self._neck, detectors=GOAL_DETECTORS) if plans else None
+        self._drift = np.diag([_DRIFT_M**2, _DRIFT_M**2, _DRIFT_RAD**2])
         self.pan_rad = 0.0
         self.gaze: HeadPlan | None = None
-        self._half = FieldHalf(field, camera, self._neck, settings.half) if asks else None
+        self._half = FieldHalf(field, camera, self._neck) if asks else None
         half_view_rad = math.atan(camera.size_px[0] / 2 / camera.focal_px[0])
-        self._floor = FloorLook(limits, half_view_rad, settings.floor) if looks_again else None
+        self._floor = FloorLook(limits, half_view_rad) if looks_again else None
         self._planned_s = -math.inf
         # number of frames since the last one with a pose
         self._unlocated = 0
@@ -317,36 +286,34 @@ class Head:
 
     def turn(self, t_s: float, now: HeadView) -> float:
         """Return the pan to command, from the estimates at a time (seconds)."""
-        settings = self._settings
-        phase_s = t_s % (settings.watch_s + settings.sweep_s)
+        phase_s = t_s % (2 * WATCH_S)
         pose, ball = now.pose, now.ball
         gaze = self._ask(t_s, now)
         if gaze is not None:
             wanted = gaze.pan_rad
-        elif pose and ball is not None and phase_s < settings.watch_s and not self._is_unsure(pose):
+        elif pose and ball is not None and phase_s < WATCH_S and not self._is_unsure(pose):
             at = pose.pose.inverse().transform(ball)
             wanted = math.atan2(at[1], at[0])
         elif ball is not None and self._planner is not None:
             gaze = self.gaze
-            if gaze is None or gaze.choice == "half" or t_s - self._planned_s >= settings.replan_s:
+            if gaze is None or gaze.choice == "half" or t_s - self._planned_s >= _REPLAN_S:
                 gaze = self._look_at_floor(now) or self._look_for_pose(self._planner, t_s, now)
                 self._planned_s = t_s
             wanted = gaze.pan_rad
         else:
-            wanted = self._neck.sweep(phase_s, settings.sweep_s)
+            wanted = self._neck.sweep(phase_s, WATCH_S)
         self.gaze = gaze
         return max(-self._neck.limit_rad, min(self._neck.limit_rad, wanted))
 
     def _is_unsure(self, pose: PoseEstimate) -> bool:
-        settings = self._settings
-        is_unsure = math.sqrt(float(pose.covariance[2, 2])) > settings.unsure_rad
-        return is_unsure or self._unlocated >= settings.unlocated_looks
+        is_unsure = math.sqrt(float(pose.covariance[2, 2])) > _UNSURE_RAD
+        return is_unsure or self._unlocated >= UNLOCATED_LOOKS
 
     def _ask(self, t_s: float, now: HeadView) -> HeadPlan | None:
         """Return a look that decides the half of the field; None if it is known or no look decides."""
         if self._half is None or not now.pose:
             return None
-        if self.gaze is not None and self.gaze.choice == "half" and t_s - self._planned_s < self._settings.replan_s:
+        if self.gaze is not None and self.gaze.choice == "half" and t_s - self._planned_s < _REPLAN_S:
             return self.gaze
         fixation = self._half.choose(now.hypotheses, self.pan_rad, self._blockers(now.tracks))
         if fixation is None or fixation.pan_rad is None:

@@ -20,6 +20,7 @@ from robocup_vision.camera import PinholeCamera
 from robocup_vision.disc import Disc
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.filter.errors import OdometryNoise
 from robocup_vision.memory import Memory
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.color_table import Colors
@@ -36,6 +37,12 @@ from sim2d.players.settings import PlayerSettings
 from sim2d.players.tactics.tactics import Tactics
 from sim2d.players.team_talk import ChoosesRole, TeamTalk
 from sim2d.robot_link import Command, PlayerSetup, Point
+
+# Noise of the odometry with a pinhole camera, instead of the memory's. Legs slip by a tenth and have gain errors of a
+# twentieth; errors of frames of a nodding or turning body exceed their covariance, which counts as slip. Wheels slip in
+# similarly short bursts. Robots that do not see their neighbours are pushed, which odometry does not measure.
+LEGS_ODOMETRY = OdometryNoise(slip_ratio=0.14, slip_s=0.1, gain_std=0.05, push_m=0.01, push_rad=0.03)
+WHEELS_ODOMETRY = OdometryNoise(slip_s=0.1, gain_std=0.02, push_m=0.01, push_rad=0.01)
 
 
 class LocalizerPart(Protocol):
@@ -125,7 +132,7 @@ def make_localizer(setup: PlayerSetup, settings: PlayerSettings, remembers: bool
     """Return `Vision` with a memory, which includes tracks and map if the player remembers."""
     of_memory = settings.memory
     if isinstance(setup.camera, PinholeCamera):
-        noise = settings.legs_odometry if setup.has_legs else settings.wheels_odometry
+        noise = LEGS_ODOMETRY if setup.has_legs else WHEELS_ODOMETRY
         of_memory = replace(of_memory, odometry=noise)
     memory = Memory.of_everything(setup.field, of_memory) if remembers else Memory(setup.field, settings=of_memory)
     if setup.rig is not None:
@@ -142,7 +149,7 @@ def make_ball(setup: PlayerSetup, settings: PlayerSettings, hides: bool, talk: T
     if isinstance(setup.camera, PinholeCamera):
         x_m, y_m = np.abs(setup.field.floor_polygon).max(axis=0).tolist()
         nods = NoddingCamera((x_m, y_m), _blind_m(setup.camera))
-    return BallKnowledge(reach_m, settings.ball, hides=hides, talk=talk, nods=nods)
+    return BallKnowledge(reach_m, hides=hides, talk=talk, nods=nods)
 
 
 def _blind_m(camera: PinholeCamera) -> float:
@@ -160,7 +167,7 @@ def make_role(setup: PlayerSetup, settings: PlayerSettings, is_keeper: bool) -> 
 
 def make_tactics(setup: PlayerSetup, settings: PlayerSettings) -> TacticsPart:
     """Return the built-in tactics."""
-    return Tactics(setup.field, setup.limits, setup.number, setup.players, settings.tactics, settings.ball)
+    return Tactics(setup.field, setup.limits, setup.number, setup.players, settings.tactics)
 
 
 def make_driving(setup: PlayerSetup, settings: PlayerSettings) -> DrivingPart:

@@ -17,6 +17,9 @@ from robocup_vision.team.roles import ChosenRole
 from sim2d.players.keep_out import KeepOut
 from sim2d.robot_link import Phase, Point, Reason, RobotLimits
 
+# two tracks whose centres are closer, in robot radii, belong to one robot, because two would overlap
+_APART_RADII = 1.6
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surroundings:
@@ -41,22 +44,20 @@ class Surroundings:
         """Position of the robot."""
         return self.robot.pose.x_m, self.robot.pose.y_m
 
-    def others(self, limits: RobotLimits, ahead_s: float, apart_radii: float) -> dict[int, Disc]:
+    def others(self, limits: RobotLimits, ahead_s: float) -> dict[int, Disc]:
         """Return the other robots by number, predicted to when this one gets there.
 
         Parameters
         ----------
         ahead_s : float
             Greatest time of the prediction.
-        apart_radii : float
-            Two tracks whose centres are closer, in robot radii, belong to one robot.
         """
         robot, discs = self.robot.pose, {}
         taken = [self.here]
         for track in sorted(self.tracks, key=lambda track: -track.probability):
             place = (track.x_m, track.y_m)
             # the less probable of two tracks at one place is dropped
-            if any(math.dist(place, other) < apart_radii * limits.radius_m for other in taken):
+            if any(math.dist(place, other) < _APART_RADII * limits.radius_m for other in taken):
                 continue
             taken.append(place)
             away = math.hypot(track.x_m - robot.x_m, track.y_m - robot.y_m)

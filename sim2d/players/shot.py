@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,25 +13,19 @@ from robocup_vision.mapping.occupancy import FREE
 from robocup_vision.planning import Disc, MotionLimits, ShotPlan, ShotPlanner
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.plan import Surroundings
-from sim2d.players.tactics.keeper import KeeperSettings
+from sim2d.players.tactics.ball_holder import REACTION_S
+from sim2d.players.tactics.team_field import KEEPER_LINE_RADII
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 
-
-@dataclass(frozen=True, slots=True)
-class ShotSettings:
-    """Values of `Shooter`."""
-
-    #: Standard deviation of a kick's direction relative to the heading.
-    kick_std_rad: float = 0.03
-    #: Ratio of a rolling ball's speed to the kick's: 5/7 for a solid sphere.
-    rolling_speed: float = 5 / 7
-    #: Reaction time of other robots after a kick.
-    reaction_s: float = 0.3
-    #: Mean time for which a ball is held if an opponent can reach it, and if none can.
-    lost_s: float = 0.5
-    slips_s: float = 8.0
-    #: Standard deviation of the position assumed for an unseen keeper.
-    keeper_std_m: float = 0.1
+# Standard deviation of a kick's direction relative to the heading.
+_KICK_STD_RAD = 0.03
+# Ratio of a rolling ball's speed to the kick's: 5/7 for a solid sphere.
+_ROLLING_SPEED = 5 / 7
+# Mean time for which a ball is held if an opponent can reach it, and if none can.
+_LOST_S = 0.5
+_SLIPS_S = 8.0
+# Standard deviation of the position assumed for an unseen keeper.
+_KEEPER_STD_M = 0.1
 
 
 class Shooter:
@@ -44,8 +37,6 @@ class Shooter:
         +1: the goal at +x of the field frame; -1: that at -x.
     motion : MotionSettings
         Speeds of a robot with the ball.
-    keeper : KeeperSettings
-        Place of a keeper.
     """
 
     def __init__(
@@ -53,26 +44,24 @@ class Shooter:
         field: Field,
         limits: RobotLimits,
         attacks: int,
-        settings: ShotSettings = ShotSettings(),
         *,
         motion: MotionSettings = MotionSettings(),
-        keeper: KeeperSettings = KeeperSettings(),
     ) -> None:
-        self._limits, self._settings, self._keeper_radii = limits, settings, keeper.line_radii
+        self._limits = limits
         self._reach_m = limits.radius_m + field.ball_radius_m
         line, half = attacks * field.length_m / 2, attacks * field.goals[0].width_m / 2
         self._line_m, self._half_m = line, abs(half)
-        self._keeper_x_m = line - attacks * self._keeper_radii * limits.radius_m
+        self._keeper_x_m = line - attacks * KEEPER_LINE_RADII * limits.radius_m
         self.shots = ShotPlanner(
             ((line, half), (line, -half)),
             field.ball_radius_m,
-            settings.rolling_speed * limits.kick_speed_mps,
-            settings.kick_std_rad,
-            MotionLimits(limits.speed_mps, limits.acceleration_mps2, settings.reaction_s),
+            _ROLLING_SPEED * limits.kick_speed_mps,
+            _KICK_STD_RAD,
+            MotionLimits(limits.speed_mps, limits.acceleration_mps2, REACTION_S),
             motion.holding_mps,
             motion.holding_rps,
-            settings.lost_s,
-            settings.slips_s,
+            _LOST_S,
+            _SLIPS_S,
         )
 
     def plan(self, surroundings: Surroundings, turn_rps: float) -> ShotPlan:
@@ -99,11 +88,11 @@ class Shooter:
         is_kept = any(self._keeps(one.x_m, one.y_m) for one in known)
         if is_kept or self._is_empty(surroundings.floor):
             return known
-        return [*known, Disc(self._keeper_x_m, 0.0, radius_m, np.eye(2) * self._settings.keeper_std_m**2)]
+        return [*known, Disc(self._keeper_x_m, 0.0, radius_m, np.eye(2) * _KEEPER_STD_M**2)]
 
     def _keeps(self, x_m: float, y_m: float) -> bool:
         radius_m = self._limits.radius_m
-        return abs(x_m - self._line_m) < 2 * self._keeper_radii * radius_m and abs(y_m) < self._half_m + radius_m
+        return abs(x_m - self._line_m) < 2 * KEEPER_LINE_RADII * radius_m and abs(y_m) < self._half_m + radius_m
 
     def _is_empty(self, floor: MapPicture | None) -> bool:
         """Whether all floor on which a keeper would stand is known to be free."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 from field_models.errors import PacketError
@@ -15,13 +15,8 @@ from robocup_vision.team.message import BallSighting, Role, TeamMessage, unpack_
 from robocup_vision.team.roles import ChosenRole, time_to_ball_s
 from sim2d.robot_link import TIME_SLACK_S, PlayerSetup, Point
 
-
-@dataclass(frozen=True, slots=True)
-class TeamTalkSettings:
-    """Values of `TeamTalk`."""
-
-    #: Time between two messages, by the channel's capacity.
-    period_s: float = 0.5
+# time between two messages, by the channel's capacity
+_PERIOD_S = 0.5
 
 
 class ChoosesRole(Protocol):
@@ -39,9 +34,9 @@ class ChoosesRole(Protocol):
 class TeamTalk:
     """One player's messages."""
 
-    def __init__(self, setup: PlayerSetup, roles: ChoosesRole, settings: TeamTalkSettings = TeamTalkSettings()) -> None:
+    def __init__(self, setup: PlayerSetup, roles: ChoosesRole) -> None:
         self._number, self._attacks = setup.number, setup.attacks
-        self._limits, self._settings = setup.limits, settings
+        self._limits = setup.limits
         self._ball = TeamBall()
         self._roles = roles
         self._sent_s = -math.inf
@@ -106,7 +101,7 @@ class TeamTalk:
         ball : (float, float) or None
             Its estimate of the ball from all sources.
         """
-        if t_s < self._sent_s + self._settings.period_s - TIME_SLACK_S:
+        if t_s < self._sent_s + _PERIOD_S - TIME_SLACK_S:
             return None
         self._sent_s = t_s
         if not belief or len(belief.candidates) > 1:

@@ -14,20 +14,15 @@ from sim2d.kick_off import center_circle_radius_m
 from sim2d.robot_link import Phase, RobotLimits
 from sim2d.world.state import BallState, Event, RobotState
 
-
-@dataclass(frozen=True, slots=True)
-class RefereeSettings:
-    """Values of `Referee`."""
-
-    #: A kick-off takes at least so long, so that everybody notices it.
-    min_kick_off_s: float = 1.0
-    #: A ball that stays within this way for so long is put elsewhere: nobody can get at it.
-    still_s: float = 10.0
-    still_way_m: float = 0.05
-    #: A robot so far beyond the floor is carried back.
-    astray_m: float = 0.5
-    #: A ball is not put back where it lay.
-    drop_way_m: float = 0.2
+# A kick-off takes at least so long, so that everybody notices it.
+_MIN_KICK_OFF_S = 1.0
+# A ball that stays within this way for so long is put elsewhere: nobody can get at it.
+_STILL_S = 10.0
+_STILL_WAY_M = 0.05
+# A robot so far beyond the floor is carried back.
+_ASTRAY_M = 0.5
+# A ball is not put back where it lay.
+_DROP_WAY_M = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,15 +63,15 @@ RefereeFactory = Callable[[Field, RobotLimits], MatchReferee]
 class Referee:
     """Applies the rules to one match: kick-offs, and else a ball that is put back at once."""
 
-    def __init__(self, field: Field, limits: RobotLimits, settings: RefereeSettings = RefereeSettings()) -> None:
-        self._field, self._limits, self._settings = field, limits, settings
+    def __init__(self, field: Field, limits: RobotLimits) -> None:
+        self._field, self._limits = field, limits
         self.score = {1: 0, -1: 0}
         self.phase: Phase = "kick_off"
         self.kick_off_side = 1
         self.placement_m: tuple[float, float] | None = None
         self._reach_x_m: float
         self._reach_y_m: float
-        self._reach_x_m, self._reach_y_m = (np.abs(field.floor_polygon).max(axis=0) + settings.astray_m).tolist()
+        self._reach_x_m, self._reach_y_m = (np.abs(field.floor_polygon).max(axis=0) + _ASTRAY_M).tolist()
         # time to drive back across the field
         self._max_kick_off_s = 2.0 + 1.5 * field.length_m / limits.speed_mps
         self._since_s = 0.0
@@ -87,7 +82,7 @@ class Referee:
         rulings = [self._carry_back(t_s, robot) for robot in robots if self._is_astray(robot)]
         if self.phase == "kick_off":
             waited = t_s - self._since_s
-            ready = waited >= self._settings.min_kick_off_s and all(self._is_home(robot) for robot in robots)
+            ready = waited >= _MIN_KICK_OFF_S and all(self._is_home(robot) for robot in robots)
             if not ready and waited < self._max_kick_off_s:
                 # the ball lies where it is held
                 if math.hypot(ball.x_m, ball.y_m) > 1e-9:
@@ -106,9 +101,9 @@ class Referee:
             self._still = (math.inf, math.inf, t_s)
             return [*rulings, Ruling(Event(t_s, "ball_out"), self._free_place(self._throw_in(ball), robots))]
         x, y, since = self._still
-        if math.hypot(ball.x_m - x, ball.y_m - y) > self._settings.still_way_m:
+        if math.hypot(ball.x_m - x, ball.y_m - y) > _STILL_WAY_M:
             self._still = (ball.x_m, ball.y_m, t_s)
-        elif t_s - since > self._settings.still_s:
+        elif t_s - since > _STILL_S:
             self._still = (math.inf, math.inf, t_s)
             return [*rulings, Ruling(Event(t_s, "drop"), self._free_place(self._neutral_place(ball), robots))]
         return rulings
@@ -151,7 +146,7 @@ class Referee:
         places = [(0.0, 0.0), *((sx * x, sy * y) for sx in (1, -1) for sy in (1, -1))]
         # the nearest that is not where it lies
         away_m = [(math.hypot(ball.x_m - place[0], ball.y_m - place[1]), place) for place in places]
-        return min((far for far in away_m if far[0] > self._settings.drop_way_m), key=lambda far: far[0])[1]
+        return min((far for far in away_m if far[0] > _DROP_WAY_M), key=lambda far: far[0])[1]
 
     def _free_place(self, wanted: tuple[float, float], robots: Sequence[RobotState]) -> tuple[float, float]:
         """Return the point nearest to the wanted one, going towards the field's centre, that no robot stands on."""

@@ -20,6 +20,11 @@ _MOUTH_DEPTH = 0.5
 # the dribbler pulls the ball to its seat like a damped spring, up to a largest acceleration
 _STIFFNESS_PS2, _DAMPING_PS, _GRIP_MPS2 = 900.0, 50.0, 6.0
 
+# slip is correlated over this time
+_SLIP_TIME_S = 0.1
+# a push from outside takes so long
+_PUSH_S = 0.2
+
 
 class Order(NamedTuple):
     """What a robot shall do in a physics step."""
@@ -121,15 +126,14 @@ class RobotBody:
 
     def push(self, dx_m: float, dy_m: float, turn_rad: float) -> None:
         """Push it by a way (field frame) and an angle, wheels slipping; odometry does not measure that."""
-        push_s = self._settings.push_s
-        self._push = (dx_m / push_s, dy_m / push_s, turn_rad / push_s)
-        self._push_left = round(push_s / self._step_s)
+        self._push = (dx_m / _PUSH_S, dy_m / _PUSH_S, turn_rad / _PUSH_S)
+        self._push_left = round(_PUSH_S / self._step_s)
 
     def begin_period(self, period_s: float, drawn: tuple[float, float, float]) -> None:
         """Start a control period: odometry from zero, new slip from three standard normal draws."""
         self._odometry = (0.0, 0.0, 0.0)
         settings = self._settings
-        kept = math.exp(-period_s / settings.slip_time_s)
+        kept = math.exp(-period_s / _SLIP_TIME_S)
         fresh = math.sqrt(1 - kept * kept)
         speed = math.hypot(self._wheels[0], self._wheels[1])
         sizes = (

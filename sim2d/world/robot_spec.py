@@ -20,16 +20,12 @@ class BodySettings:
     slip_part: float = 0.05
     #: The same for turning, per metre driven.
     slip_turn_rad_per_m: float = 0.05
-    #: Slip is correlated over this time.
-    slip_time_s: float = 0.1
     #: Time to charge the kicker.
     kick_again_s: float = 0.5
     #: Standard deviation of a kick's speed, as a fraction of it.
     kick_speed_std: float = 0.05
     #: Standard deviation of a kick's direction.
     kick_angle_std_rad: float = math.radians(1.5)
-    #: A push from outside takes so long.
-    push_s: float = 0.2
 
 
 #: Wheels that do not slip, and a kicker that hits: robots of the league's simulator.

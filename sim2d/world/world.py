@@ -16,7 +16,7 @@ from sim2d.rendering.scene import Box
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, RobotLimits
 from sim2d.world.ball_physics import BallSettings
 from sim2d.world.physics import STEPS, Physics
-from sim2d.world.referee import MatchReferee, Referee, RefereeSettings
+from sim2d.world.referee import MatchReferee, Referee
 from sim2d.world.robot_body import Order, RobotBody
 from sim2d.world.robot_spec import BodySettings, RobotSpec
 from sim2d.world.state import Event, WorldState
@@ -26,11 +26,10 @@ _STOP = Command()
 
 @dataclass(frozen=True, slots=True)
 class WorldSettings:
-    """Values of the physics and the rules: of each robot's body, the ball and the referee."""
+    """Values of the physics: of each robot's body and of the ball."""
 
     body: BodySettings = BodySettings()
     ball: BallSettings = BallSettings()
-    referee: RefereeSettings = RefereeSettings()
 
 
 class World:
@@ -42,7 +41,7 @@ class World:
     Parameters
     ----------
     referee : MatchReferee, optional
-        Who judges; default: one of sim2d's own simple rules, of `settings.referee`.
+        Who judges; default: one of sim2d's own simple rules.
     boxes, starts
         Of a course (`World.course`).
 
@@ -78,7 +77,7 @@ class World:
             self._physics.add((index, side, number), start, spec, settings.body, rng)
         if starts is None:
             self._physics.add_ball(settings.ball)
-            self._referee = referee or Referee(field, limits, settings.referee)
+            self._referee = referee or Referee(field, limits)
 
     @classmethod
     def course(

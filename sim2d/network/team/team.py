@@ -28,9 +28,9 @@ from sim2d.network.team.overhead_player import Moving, Orders, OverheadPlayer, d
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.keep_out import Capsule
 from sim2d.players.plan import Situation
-from sim2d.players.tactics.field_player import FetchSettings, FieldPlayerSettings
-from sim2d.players.tactics.keeper import KeeperSettings
-from sim2d.players.tactics.tactics import Tactics, TacticsSettings
+from sim2d.players.tactics.set_pieces import BALL_ROOM_M, STOP_MPS
+from sim2d.players.tactics.tactics import Tactics
+from sim2d.players.tactics.team_field import TacticsSettings
 from sim2d.robot_link import Command, Point, RobotLimits
 
 _NOTHING = Command()
@@ -55,9 +55,13 @@ class TeamSettings:
     )
     #: A keeper has the whole defence area; one robot alone goes for the ball.
     tactics: TacticsSettings = TacticsSettings(
-        keeper=KeeperSettings(area_radii=11.0, area_depth_radii=11.0),
-        fetch=FetchSettings(straight_reaches=10.0, straight_rad=0.6, round_reaches=1.8),
-        field_player=FieldPlayerSettings(support_limits=(-0.6, 2.5)),
+        keeper_area_radii=11.0,
+        keeper_depth_radii=11.0,
+        block_widths=4 / 3,
+        straight_rad=0.6,
+        straight_reaches=10.0,
+        round_reaches=1.8,
+        support_limits=(-0.6, 2.5),
         fetches_in_strip=False,
     )
     #: How they drive.
@@ -204,7 +208,7 @@ class OverheadTeam:
         numbers = self._playing(own, robots, state, situation.ball)
         roles = self._roles(numbers, robots, state, situation)
         self._watch_kick(state, roles, robots, situation.ball)
-        slow_mps = self._settings.tactics.restart.stop_mps if state.phase == "stop" else math.inf
+        slow_mps = STOP_MPS if state.phase == "stop" else math.inf
         out = []
         for number in own:
             hand = self._hands.get(number)
@@ -340,7 +344,7 @@ class OverheadTeam:
         me: Moving,
     ) -> Orders:
         role = roles.get(number)
-        room_of_ball_m = self._settings.tactics.restart.ball_room_m
+        room_of_ball_m = BALL_ROOM_M
         in_play = state.phase == "play"
         room_m = 0.0 if in_play or state.phase == "penalty" else self._settings.their_room_m
         zones = defence_zones(self._field, is_keeper=role == 0, their_room_m=room_m)

@@ -15,7 +15,6 @@ from robocup_vision.planning import (
     Disc,
     Gap,
     GatePlanner,
-    GatePlannerSettings,
     PathFollower,
     PoseNoise,
     SpeedPlanner,
@@ -31,18 +30,32 @@ Key = tuple[int, int]
 _RIGHT, _LEFT = -1, -2
 
 
-@dataclass(frozen=True, slots=True)
-class RowSettings:
-    """Values of `row_across`."""
-
-    #: Distance from the way within which robots count, in addition to their radii.
-    beside_m: float = 0.12
-    #: Greatest distance along the way, in radii, of robots in one row.
-    row_radii: float = 4.0
-    #: Distance, in radii, by which a robot may leave a field without walls.
-    outside_radii: float = 4.0
-    #: Least sine of the angle between a gap and the way; below, the gap is parallel to it.
-    alongside_sin: float = 0.2
+# Distance from the way within which robots count, in addition to their radii.
+_BESIDE_M = 0.12
+# Greatest distance along the way, in radii, of robots in one row.
+_ROW_RADII = 4.0
+# Distance, in radii, by which a robot may leave a field without walls.
+_OUTSIDE_RADII = 4.0
+# Least sine of the angle between a gap and the way; below, the gap is parallel to it.
+_ALONGSIDE_SIN = 0.2
+# Least time that another gap must save, because changes cost time.
+_BETTER_S = 0.25
+# Bounds of the probability to be wide enough between which a gap is looked at again.
+_NARROW = 0.02
+_WIDE = 0.95
+# Distance at which a viewpoint is reached.
+HERE_M = 0.02
+# Distance at which a gap is passed.
+_PASSED_M = 0.06
+# Time between two plans.
+REPLAN_S = 0.1
+# Error of the odometry, as a fraction of the way driven.
+_ODOMETRY_ERROR = 0.03
+# Standard deviations of a pose right after a frame.
+_POSE_STD_M = 0.01
+_POSE_STD_RAD = 0.01
+# Standard deviation of a tracked robot's position.
+_OTHERS_STD_M = 0.015
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,34 +70,6 @@ class Row:
     ends: tuple[tuple[Point, Point], ...]
     #: Index of the gap on the straight way.
     straight: int
-
-
-@dataclass(frozen=True, slots=True)
-class RouteSettings:
-    """Values of `RoutePlanner`."""
-
-    #: Settings of rows.
-    row: RowSettings = RowSettings()
-    #: Least time that another gap must save, because changes cost time.
-    better_s: float = 0.25
-    #: Bounds of the probability to be wide enough between which a gap is looked at again.
-    narrow: float = 0.02
-    wide: float = 0.95
-    #: Distance at which a viewpoint is reached.
-    here_m: float = 0.02
-    #: Distance at which a gap is passed.
-    passed_m: float = 0.06
-    #: Time between two plans.
-    replan_s: float = 0.1
-    #: Error of the odometry, as a fraction of the way driven.
-    odometry_error: float = 0.03
-    #: Standard deviations of a pose right after a frame.
-    pose_std_m: float = 0.01
-    pose_std_rad: float = 0.01
-    #: Standard deviation of a tracked robot's position.
-    others_std_m: float = 0.015
-    #: Settings of looks and passing at a gap that may be too narrow.
-    gate: GatePlannerSettings = GatePlannerSettings()
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +89,8 @@ class Route:
 class RoutePlanner:
     """Chooses the ways of one player. Field frame."""
 
-    def __init__(self, field: Field, limits: RobotLimits, settings: RouteSettings) -> None:
-        self._field, self._limits, self._settings = field, limits, settings
+    def __init__(self, field: Field, limits: RobotLimits) -> None:
+        self._field, self._limits = field, limits
         # numbers of the robots at the ends of the last chosen gap
         self._taken: Key | None = None
 
@@ -115,7 +100,7 @@ class RoutePlanner:
 
     def plan(self, here: Point, target: Point, others: Mapping[int, Disc]) -> Route:
         """Choose among the gaps of the first row across the straight way."""
-        row = row_across(here, target, others, self._field, self._limits.radius_m, self._settings.row)
+        row = row_across(here, target, others, self._field, self._limits.radius_m)
         if row is None:
             self._taken = None
             return Route((target,), None, Reason("gap", "straight", "no robot stands in the way"))
@@ -123,18 +108,18 @@ class RoutePlanner:
 
     def _gate(self, here: Point, target: Point, row: Row) -> Route | None:
         """Use the gate planner if the gap on the straight way may be too narrow."""
-        settings, straight = self._settings, row.straight
+        straight = row.straight
         gap, needed_m = row.gaps[straight], self._times.narrowest_m
-        if min(row.keys[straight]) < 0 or not settings.narrow < gap.wide_enough(needed_m) < settings.wide:
+        if min(row.keys[straight]) < 0 or not _NARROW < gap.wide_enough(needed_m) < _WIDE:
             return None
         rest = [k for k in range(len(row.gaps)) if k != straight]
         detour = rest[choose_gap(self._times, here, target, [row.gaps[k] for k in rest]).index]
         # wide enough to be passed at a safe speed
-        gates = GatePlanner(self._limits, WidthSensor(), needed_m, self._settings.gate)
+        gates = GatePlanner(self._limits, WidthSensor(), needed_m)
         plan = gates.plan(here, gap, target, [row.gaps[detour].center_m])
         if plan.action == "look" and plan.viewpoint_m is not None:
             self._taken = row.keys[straight]
-            waits = math.dist(plan.viewpoint_m, here) < self._settings.here_m
+            waits = math.dist(plan.viewpoint_m, here) < HERE_M
             there = gap.center_m if waits else plan.viewpoint_m
             why = Reason("gap", "look first", plan.reason)
             return Route((there, gap.center_m, target), row.ends[straight], why, waits)
@@ -144,49 +129,41 @@ class RoutePlanner:
 
     def _choose(self, here: Point, target: Point, row: Row) -> Route:
         """Choose the gap with the shortest expected time, with hysteresis."""
-        better_s = self._settings.better_s
         chosen = choose_gap(self._times, here, target, row.gaps)
         index, text = chosen.index, chosen.reason
         if self._taken in row.keys:
             kept = row.keys.index(self._taken)
-            if kept != index and chosen.expected_s[kept] < chosen.expected_s[index] + better_s:
+            if kept != index and chosen.expected_s[kept] < chosen.expected_s[index] + _BETTER_S:
                 gap = row.gaps[kept]
                 index = kept
-                text = f"gap {gap.width_m:.2f} m, sigma {gap.sigma_m:.2f} m: as before, no other saves {better_s} s"
+                text = f"gap {gap.width_m:.2f} m, sigma {gap.sigma_m:.2f} m: as before, no other saves {_BETTER_S} s"
         self._taken = row.keys[index]
         choice = "through" if index == row.straight else "detour"
         return Route(self._through(here, target, row.gaps[index]), row.ends[index], Reason("gap", choice, text))
 
     @property
     def _times(self) -> PassageTimes:
-        return _passage_times(self._limits, self._settings)
+        return _passage_times(self._limits)
 
     def _through(self, here: Point, target: Point, gap: Gap) -> tuple[Point, ...]:
-        is_ahead = math.dist(here, gap.center_m) > self._settings.passed_m
+        is_ahead = math.dist(here, gap.center_m) > _PASSED_M
         return (gap.center_m, target) if is_ahead else (target,)
 
 
-def speed_planner(limits: RobotLimits, settings: RouteSettings) -> SpeedPlanner:
+def speed_planner(limits: RobotLimits) -> SpeedPlanner:
     """Return the planner of safe speeds of a robot."""
-    frame = np.diag([settings.pose_std_m**2, settings.pose_std_m**2, settings.pose_std_rad**2])
-    noise = PoseNoise(settings.odometry_error, settings.odometry_error, frame)
-    return SpeedPlanner(PathFollower(limits), limits.radius_m, noise, settings.replan_s)
+    frame = np.diag([_POSE_STD_M**2, _POSE_STD_M**2, _POSE_STD_RAD**2])
+    noise = PoseNoise(_ODOMETRY_ERROR, _ODOMETRY_ERROR, frame)
+    return SpeedPlanner(PathFollower(limits), limits.radius_m, noise, REPLAN_S)
 
 
 @functools.lru_cache(maxsize=4)
-def _passage_times(limits: RobotLimits, settings: RouteSettings) -> PassageTimes:
+def _passage_times(limits: RobotLimits) -> PassageTimes:
     """Return one table for all robots of a kind, because it takes a second to compute."""
-    return PassageTimes(speed_planner(limits, settings), limits.radius_m, settings.others_std_m)
+    return PassageTimes(speed_planner(limits), limits.radius_m, _OTHERS_STD_M)
 
 
-def row_across(
-    here: Point,
-    target: Point,
-    others: Mapping[int, Disc],
-    field: Field,
-    radius_m: float,
-    settings: RowSettings = RowSettings(),
-) -> Row | None:
+def row_across(here: Point, target: Point, others: Mapping[int, Disc], field: Field, radius_m: float) -> Row | None:
     """Return the first row across the straight way; None if no robot is in it.
 
     Parameters
@@ -195,20 +172,20 @@ def row_across(
         The way's ends, field frame.
     """
     along = unit(here, target)
-    length, beside_m = math.dist(here, target), settings.beside_m
+    length = math.dist(here, target)
     places = {number: in_way(disc, here, along) for number, disc in others.items()}
-    near = [x for k, (x, y) in places.items() if 0 < x < length and abs(y) < radius_m + others[k].radius_m + beside_m]
+    near = [x for k, (x, y) in places.items() if 0 < x < length and abs(y) < radius_m + others[k].radius_m + _BESIDE_M]
     if not near:
         return None
     first = min(near)
-    row = [k for k, (x, _) in places.items() if first <= x < first + settings.row_radii * radius_m]
+    row = [k for k, (x, _) in places.items() if first <= x < first + _ROW_RADII * radius_m]
     row.sort(key=lambda k: places[k][1])
-    right, left = _borders(here, along, first, field, settings.outside_radii * radius_m)
+    right, left = _borders(here, along, first, field, _OUTSIDE_RADII * radius_m)
     members = [(_RIGHT, right), *((k, others[k]) for k in row), (_LEFT, left)]
     pairs = list(itertools.pairwise(members))
     gaps = [gap_between(a, b) for (_, a), (_, b) in pairs]
     return Row(
-        tuple(_crossed(gap, here, along, radius_m + beside_m, settings.alongside_sin) for gap in gaps),
+        tuple(_crossed(gap, here, along, radius_m + _BESIDE_M) for gap in gaps),
         tuple((a, b) for (a, _), (b, _) in pairs),
         tuple(_ends(gap) for gap in gaps),
         # number of robots on its right
@@ -252,12 +229,12 @@ def _ends(gap: Gap) -> tuple[Point, Point]:
     return (x - half * across_x, y - half * across_y), (x + half * across_x, y + half * across_y)
 
 
-def _crossed(gap: Gap, here: Point, along: Point, clear_m: float, alongside_sin: float) -> Gap:
+def _crossed(gap: Gap, here: Point, along: Point, clear_m: float) -> Gap:
     across = (-math.sin(gap.across_rad), math.cos(gap.across_rad))
     x, y = gap.center_m[0] - here[0], gap.center_m[1] - here[1]
     slope = across[0] * along[1] - across[1] * along[0]
     # from its middle to the straight way, unless that is parallel
-    shift = (along[0] * y - along[1] * x) / slope if abs(slope) > alongside_sin else 0.0
+    shift = (along[0] * y - along[1] * x) / slope if abs(slope) > _ALONGSIDE_SIN else 0.0
     limit = max(0.5 * gap.width_m - clear_m, 0.0)
     shift = max(-limit, min(limit, shift))
     return replace(gap, center_m=(gap.center_m[0] + shift * across[0], gap.center_m[1] + shift * across[1]))

@@ -16,7 +16,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.mapping.occupancy import UNDECIDED
 from robocup_vision.planning import Disc, SpeedPlan
 from robocup_vision.planning.speed.undecided_floor import FREE, UndecidedFloor, UndecidedSpeed, safe_speed_mps
-from sim2d.players.driving.route import RoutePlanner, RouteSettings, in_way, speed_planner, unit
+from sim2d.players.driving.route import HERE_M, REPLAN_S, RoutePlanner, in_way, speed_planner, unit
 from sim2d.players.plan import Surroundings
 from sim2d.robot_link import CONTROL_PERIOD_S, Point, Reason, RobotLimits
 
@@ -24,32 +24,24 @@ from sim2d.robot_link import CONTROL_PERIOD_S, Point, Reason, RobotLimits
 _SHORT_M = 0.35
 
 
-@dataclass(frozen=True, slots=True)
-class TravelSettings:
-    """Values of `TravelPlanner`."""
-
-    #: Settings of the choice between gaps; its `replan_s` is also the time between two plans here.
-    route: RouteSettings = RouteSettings()
-    #: Greatest motion of a target that keeps its plan.
-    same_m: float = 0.06
-    #: Greatest time for which other robots are predicted, because their velocities change.
-    ahead_s: float = 0.6
-    #: Length of a way, in robot radii, that is left to steering, because a keeper must be quick.
-    short_radii: float = 3.5
-    #: Robots this near to the target are ignored until this one is near.
-    at_target_m: float = 0.35
-    #: Greatest speed of a robot that counts as standing.
-    stands_mps: float = 0.25
-    #: Greatest distance of a ball from the rim of the robot that has it.
-    taken_m: float = 0.04
-    #: Distance to keep from that robot.
-    room_m: float = 0.06
-    #: Two tracks whose centres are closer, in robot radii, belong to one robot, because two would overlap.
-    apart_radii: float = 1.6
-    #: Speed of the robot if no speed is safe, and least speed of all plans.
-    creep_mps: float = 0.2
-    #: Greatest acceleration of a ball that turns with the robot: half of that of a dribbler's pull.
-    hold_mps2: float = 3.0
+# Greatest motion of a target that keeps its plan.
+_SAME_M = 0.06
+# Greatest time for which other robots are predicted, because their velocities change.
+_AHEAD_S = 0.6
+# Length of a way, in robot radii, that is left to steering, because a keeper must be quick.
+_SHORT_RADII = 3.5
+# Robots this near to the target are ignored until this one is near.
+_AT_TARGET_M = 0.35
+# Greatest speed of a robot that counts as standing.
+_STANDS_MPS = 0.25
+# Greatest distance of a ball from the rim of the robot that has it.
+_TAKEN_M = 0.04
+# Distance to keep from that robot.
+_ROOM_M = 0.06
+# Speed of the robot if no speed is safe, and least speed of all plans.
+_CREEP_MPS = 0.2
+# Greatest acceleration of a ball that turns with the robot: half of that of a dribbler's pull.
+_HOLD_MPS2 = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,23 +73,18 @@ class TravelPlanner:
         Number of frames that decide a cell of the floor.
     """
 
-    def __init__(
-        self, field: Field, limits: RobotLimits, looks: int, settings: TravelSettings = TravelSettings()
-    ) -> None:
-        self._field, self._limits, self._looks, self._settings = field, limits, looks, settings
-        self._routes = RoutePlanner(field, limits, settings.route)
-        self._speeds = speed_planner(limits, settings.route)
-        self._undecided = UndecidedSpeed(limits, limits.radius_m, settings.route.replan_s)
+    def __init__(self, field: Field, limits: RobotLimits, looks: int) -> None:
+        self._field, self._limits, self._looks = field, limits, looks
+        self._routes = RoutePlanner(field, limits)
+        self._speeds = speed_planner(limits)
+        self._undecided = UndecidedSpeed(limits, limits.radius_m, REPLAN_S)
         self._last: tuple[float, Point, Travel] | None = None
 
     def plan(self, surroundings: Surroundings, target: Point) -> Travel:
         """Plan a way to a target every `replan_s`; between, the last plan is kept."""
         if self._last is not None:
             planned_s, there, travel = self._last
-            if (
-                0 <= surroundings.t_s - planned_s < self._settings.route.replan_s
-                and math.dist(there, target) < self._settings.same_m
-            ):
+            if 0 <= surroundings.t_s - planned_s < REPLAN_S and math.dist(there, target) < _SAME_M:
                 return travel if travel.gap is not None else replace(travel, waypoint=target)
         travel = self._plan_anew(surroundings, target)
         self._last = (surroundings.t_s, target, travel)
@@ -111,15 +98,15 @@ class TravelPlanner:
         here = surroundings.here
         way = unit(here, target)
         self._forget()
-        others = list(surroundings.others(self._limits, 0.0, self._settings.apart_radii).values())
+        others = list(surroundings.others(self._limits, 0.0).values())
         holder = None if ball is None else self._holder(here, others, ball)
         if holder is not None:
-            ring_m = holder.radius_m + self._limits.radius_m + self._settings.room_m
+            ring_m = holder.radius_m + self._limits.radius_m + _ROOM_M
             away_m = math.dist(here, (holder.x_m, holder.y_m))
-            if away_m < ring_m + self._settings.route.here_m:
+            if away_m < ring_m + HERE_M:
                 out = unit((holder.x_m, holder.y_m), here)
                 place = (holder.x_m + ring_m * out[0], holder.y_m + ring_m * out[1])
-                text = f"{away_m - ring_m + self._settings.room_m:.2f} m from a robot that has the ball"
+                text = f"{away_m - ring_m + _ROOM_M:.2f} m from a robot that has the ball"
                 return Travel(place, self._limits.speed_mps, None, (Reason("speed", "leave room", text),), True)
         room = math.inf
         for disc in others:
@@ -134,7 +121,7 @@ class TravelPlanner:
         speed = safe_speed_mps(room, 1, CONTROL_PERIOD_S, self._limits)
         if speed >= self._limits.speed_mps:
             return Travel(target, speed, None, (Reason("speed", "full speed", f"opponent in {room:.2f} m"),))
-        speed = max(speed, self._settings.creep_mps / 2)
+        speed = max(speed, _CREEP_MPS / 2)
         text = f"{speed:.2f} m/s: opponent in {max(room, 0.0):.2f} m at the ball"
         return Travel(target, speed, None, (Reason("speed", "slow: at the ball", text),))
 
@@ -150,7 +137,7 @@ class TravelPlanner:
     def holding_rps(self) -> float:
         """Greatest turning rate without losing the ball in the mouth."""
         reach_m = self._limits.radius_m + self._field.ball_radius_m
-        return min(math.sqrt(self._settings.hold_mps2 / reach_m), self._limits.turn_rps)
+        return min(math.sqrt(_HOLD_MPS2 / reach_m), self._limits.turn_rps)
 
     @property
     def holding_mps(self) -> float:
@@ -168,26 +155,25 @@ class TravelPlanner:
         if nearest is None:
             return None
         away_m = math.dist((nearest.x_m, nearest.y_m), ball)
-        reach_m = nearest.radius_m + self._field.ball_radius_m + self._settings.taken_m
+        reach_m = nearest.radius_m + self._field.ball_radius_m + _TAKEN_M
         to_ball, to_robot = (unit((nearest.x_m, nearest.y_m), place) for place in (ball, here))
         is_behind = to_ball[0] * to_robot[0] + to_ball[1] * to_robot[1] < 0.0
         return nearest if away_m < reach_m and is_behind else None
 
     def _plan_anew(self, surroundings: Surroundings, target: Point) -> Travel:
         here = surroundings.here
-        if math.dist(here, target) < self._settings.short_radii * self._limits.radius_m:
+        if math.dist(here, target) < _SHORT_RADII * self._limits.radius_m:
             self._routes.forget()
             full = Reason("speed", "full speed", "the way is short")
             return Travel(target, self._limits.speed_mps, None, (full,))
-        others = surroundings.others(self._limits, self._settings.ahead_s, self._settings.apart_radii)
+        others = surroundings.others(self._limits, _AHEAD_S)
         way = self._routes.plan(here, target, others)
         path = np.array([here, *way.points])
         # the planner of speeds uses standing obstacles; steering avoids moving ones
-        moving = {t.number for t in surroundings.tracks if math.hypot(t.vx_mps, t.vy_mps) > self._settings.stands_mps}
+        moving = {t.number for t in surroundings.tracks if math.hypot(t.vx_mps, t.vy_mps) > _STANDS_MPS}
         speed, why = self._speed(path, surroundings, [disc for number, disc in others.items() if number not in moving])
         if way.waits:
-            creep_mps = self._settings.creep_mps
-            speed, why = creep_mps, Reason("speed", "slow: to look", f"{creep_mps:.2f} m/s: {way.reason.text}")
+            speed, why = _CREEP_MPS, Reason("speed", "slow: to look", f"{_CREEP_MPS:.2f} m/s: {way.reason.text}")
         return Travel(way.points[0], speed, way.ends, (way.reason, why))
 
     def _speed(self, path: FloatArray, surroundings: Surroundings, others: Sequence[Disc]) -> tuple[float, Reason]:
@@ -198,8 +184,7 @@ class TravelPlanner:
         before = [
             d
             for d in others
-            if in_way(d, tuple(path[0].tolist()), ahead)[0] > 0
-            and math.dist((d.x_m, d.y_m), target) > self._settings.at_target_m
+            if in_way(d, tuple(path[0].tolist()), ahead)[0] > 0 and math.dist((d.x_m, d.y_m), target) > _AT_TARGET_M
         ]
         known = self._speeds.plan(
             path,
@@ -236,8 +221,8 @@ class TravelPlanner:
 
     def _paced(self, plan: SpeedPlan, what: str) -> tuple[float, Reason]:
         """Return a plan's speed and its reason."""
-        if not plan.safe or plan.speed_mps < self._settings.creep_mps:
-            return self._settings.creep_mps, Reason("speed", f"creep: {what}", plan.reason)
+        if not plan.safe or plan.speed_mps < _CREEP_MPS:
+            return _CREEP_MPS, Reason("speed", f"creep: {what}", plan.reason)
         if plan.reason.startswith("full speed"):
             return plan.speed_mps, Reason("speed", "full speed", plan.reason)
         return plan.speed_mps, Reason("speed", f"slow: {what}", plan.reason)

@@ -15,16 +15,21 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
-from sim2d.robot_link import RobotLimits
+from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 
 Velocity = tuple[float, float]
+# Least jolt of a bump: change of velocity in a period beyond what the motors can do. Errors of odometry are
+# smaller.
+_MIN_JOLT_MPS = 0.03
+# Time for which the robot keeps away from a touched one, which has then moved on or is visible.
+_BUMP_LASTS_S = 1.0
 
 
 class WheelVelocity:
-    """Estimates one robot's velocity; call `sense` and `command` in turn."""
+    """Estimates one robot's velocity; call `sense` and `command` in turn, once each control period."""
 
-    def __init__(self, limits: RobotLimits, period_s: float) -> None:
-        self._limits, self._period_s = limits, period_s
+    def __init__(self, limits: RobotLimits) -> None:
+        self._limits = limits
         self._now: Velocity = (0.0, 0.0)
         self._pending: Velocity = (0.0, 0.0)
         self._before: Velocity = (0.0, 0.0)
@@ -47,16 +52,16 @@ class WheelVelocity:
 
     def sense(self, odometry: Pose2) -> None:
         """Update with the odometry of the last period, in the robot frame at its beginning."""
-        x, y = odometry.x_m / self._period_s, odometry.y_m / self._period_s
+        x, y = odometry.x_m / CONTROL_PERIOD_S, odometry.y_m / CONTROL_PERIOD_S
         jump_x, jump_y = x - self._now[0], y - self._now[1]
         jump = math.hypot(jump_x, jump_y)
-        beyond = max(jump - self._limits.acceleration_mps2 * self._period_s, 0.0)
+        beyond = max(jump - self._limits.acceleration_mps2 * CONTROL_PERIOD_S, 0.0)
         self._jolt = (beyond * jump_x / jump, beyond * jump_y / jump) if beyond > 0.0 else (0.0, 0.0)
         # command obeyed during the second half of the period
-        obeyed = self._before if self._limits.dead_time_s > self._period_s / 2 else self._pending
+        obeyed = self._before if self._limits.dead_time_s > CONTROL_PERIOD_S / 2 else self._pending
         off_x, off_y = obeyed[0] - x, obeyed[1] - y
         size = math.hypot(off_x, off_y)
-        gained = self._limits.acceleration_mps2 * self._period_s / 2
+        gained = self._limits.acceleration_mps2 * CONTROL_PERIOD_S / 2
         part = min(1.0, gained / size) if size > 0 else 0.0
         x, y = x + part * off_x, y + part * off_y
         c, s = math.cos(odometry.theta_rad), math.sin(odometry.theta_rad)
@@ -65,17 +70,6 @@ class WheelVelocity:
     def command(self, velocity_mps: Velocity) -> None:
         """Update with the present command, robot frame."""
         self._before, self._pending = self._pending, velocity_mps
-
-
-@dataclass(frozen=True, slots=True)
-class BumpSettings:
-    """Values of `Bumps`."""
-
-    #: Least jolt of a bump: change of velocity in a period beyond what the motors can do. Errors of odometry are
-    #: smaller.
-    min_jolt_mps: float = 0.03
-    #: Time for which the robot keeps away from a touched one, which has then moved on or is visible.
-    lasts_s: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,8 +89,8 @@ class Bumps:
         Radius of this robot and of the others.
     """
 
-    def __init__(self, radius_m: float, settings: BumpSettings = BumpSettings()) -> None:
-        self._radius_m, self._settings = radius_m, settings
+    def __init__(self, radius_m: float) -> None:
+        self._radius_m = radius_m
         self._bumps: tuple[_Bump, ...] = ()
 
     @property
@@ -107,8 +101,8 @@ class Bumps:
     def move(self, odometry: Pose2, jolt_mps: tuple[float, float], t_s: float) -> None:
         """Update with the odometry since the last call, and its jolt (`WheelVelocity.jolt_mps`)."""
         size = math.hypot(*jolt_mps)
-        kept = [bump for bump in self._bumps if 0.0 <= t_s - bump.t_s <= self._settings.lasts_s]
-        if size > self._settings.min_jolt_mps:
+        kept = [bump for bump in self._bumps if 0.0 <= t_s - bump.t_s <= _BUMP_LASTS_S]
+        if size > _MIN_JOLT_MPS:
             away_m = -2 * self._radius_m / size
             kept.append(_Bump(t_s, away_m * jolt_mps[0], away_m * jolt_mps[1]))
         back = odometry.inverse()

@@ -3,37 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from field_models.field import Field
-from sim2d.players.ball import BallMemorySettings
+from sim2d.kick_off import kick_off_pose
 from sim2d.players.plan import Plan, Situation
-from sim2d.players.tactics.ball_holder import BallHolder, BallHolderSettings
-from sim2d.players.tactics.field_player import Fetch, FetchSettings, FieldPlayer, FieldPlayerSettings
-from sim2d.players.tactics.keeper import Keeper, KeeperSettings
-from sim2d.players.tactics.set_pieces import KickOff, Restart, RestartSettings
-from sim2d.players.tactics.team_field import TeamField
+from sim2d.players.tactics.ball_holder import BallHolder
+from sim2d.players.tactics.field_player import Fetch, FieldPlayer
+from sim2d.players.tactics.keeper import Keeper
+from sim2d.players.tactics.set_pieces import SetPieces
+from sim2d.players.tactics.team_field import TacticsSettings, TeamField
 from sim2d.robot_link import Point, RobotLimits
 
-
-@dataclass(frozen=True, slots=True)
-class TacticsSettings:
-    """Values of `Tactics`."""
-
-    keeper: KeeperSettings = KeeperSettings()
-    ball_holder: BallHolderSettings = BallHolderSettings()
-    fetch: FetchSettings = FetchSettings()
-    field_player: FieldPlayerSettings = FieldPlayerSettings()
-    restart: RestartSettings = RestartSettings()
-    #: Least distance between robot and wall at a target; steering would stop the robot before a closer one.
-    wall_clearance_m: float = 0.015
-    #: Whether players from number 2 on fetch a ball in their own strip, without agreement; else only number 1 fetches.
-    fetches_in_strip: bool = True
-    #: Without agreement, number 1 leaves a ball in another's strip for this time after it saw a robot closer to it,
-    #: within this number of reaches: that is its mate, or an opponent whom its mate meets. A head looks at the ball
-    #: again within that time.
-    give_way_reaches: float = 3.0
-    give_way_s: float = 1.5
+# Without agreement, number 1 leaves a ball in another's strip for this time after it saw a robot closer to it, within
+# this number of reaches: that is its mate, or an opponent whom its mate meets. A head looks at the ball again within
+# that time.
+_GIVE_WAY_REACHES = 3.0
+_GIVE_WAY_S = 1.5
 
 
 class Tactics:
@@ -51,35 +36,25 @@ class Tactics:
         number: int,
         players: int,
         settings: TacticsSettings = TacticsSettings(),
-        ball: BallMemorySettings = BallMemorySettings(),
     ) -> None:
         self.is_keeper = number == 0 and players > 1
         self._number, self._players = number, players
-        team = TeamField(field, limits, settings.wall_clearance_m)
-        self._kick_off = KickOff(field, team, number, players, settings.restart.behind_reaches)
-        self._ball_holder = BallHolder(team, limits, self.is_keeper, settings.ball_holder, settings.keeper)
-        self._fetch = Fetch(team, settings.fetch)
-        self._keeper = Keeper(team, self._fetch, settings.keeper, ball)
-        self._field_player = FieldPlayer(team, number, players, settings.field_player)
+        team = TeamField(field, limits)
+        self._ball_holder = BallHolder(team, limits, self.is_keeper)
+        self._fetch = Fetch(team, settings)
+        self._keeper = Keeper(team, self._fetch, settings)
+        self._field_player = FieldPlayer(team, number, players, settings)
         self._settings, self._reach_m = settings, team.reach_m
         # when number 1 last saw a robot closer to a ball in another's strip
         self._nearer_s = -math.inf
-        self._restart = Restart(
-            team,
-            self._fetch,
-            self._keeper,
-            self._field_player,
-            number,
-            players,
-            limits.kick_speed_mps,
-            settings.restart,
+        home = kick_off_pose(field, 1, number, players, limits.radius_m)
+        self._set_pieces = SetPieces(
+            team, self._fetch, self._keeper, self._field_player, number, players, limits.kick_speed_mps, home
         )
 
     def decide(self, now: Situation) -> Plan:
         """Choose the next plan."""
-        if now.phase == "kick_off":
-            return self._kick_off.decide(now)
-        bound = None if now.phase == "play" else self._restart.decide(now)
+        bound = self._set_pieces.decide(now)
         if bound is not None:
             return bound
         if now.in_mouth:
@@ -90,24 +65,21 @@ class Tactics:
             return self._field_player.search(now)
         if self._keeper.owns(now.ball) and self._players > 1:
             return self._field_player.leave_to_keeper(now, now.ball)
-        if now.role is not None and now.role.is_agreed:
-            if now.role.role == "fetch":
-                return self._fetch.decide(now, now.ball)
-            return self._field_player.support(now, now.ball)
         if self._takes(now, now.ball):
             return self._fetch.decide(now, now.ball)
         return self._field_player.support(now, now.ball)
 
     def _takes(self, now: Situation, ball: Point) -> bool:
-        """Whether a player without agreement fetches the ball."""
-        settings = self._settings
-        if not settings.fetches_in_strip:
+        """Whether the player fetches the ball: as agreed, or without agreement by its number and what it sees."""
+        if now.role is not None and now.role.is_agreed:
+            return now.role.role == "fetch"
+        if not self._settings.fetches_in_strip:
             return self._number < 2
         if self._field_player.is_in_own_strip(ball):
             return True
         if self._number >= 2:
             return False
-        near_m = min(math.dist(now.place, ball), settings.give_way_reaches * self._reach_m)
+        near_m = min(math.dist(now.place, ball), _GIVE_WAY_REACHES * self._reach_m)
         if any(math.dist(other, ball) < near_m for other in (*now.obstacles, *now.others)):
             self._nearer_s = now.t_s
-        return now.t_s - self._nearer_s > settings.give_way_s
+        return now.t_s - self._nearer_s > _GIVE_WAY_S

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,14 +11,36 @@ from field_models.field import Field
 from robocup_vision.geometry import Pose2
 from sim2d.robot_link import Point, RobotLimits
 
+# distance of a keeper from its goal's line in robot radii, clear of the posts but near enough to cover the mouth
+KEEPER_LINE_RADII = 1.3
+# least distance between robot and wall at a target; steering would stop the robot before a closer one
+_WALL_CLEARANCE_M = 0.015
+
+
+@dataclass(frozen=True, slots=True)
+class TacticsSettings:
+    """What differs between the tactics of teams; lengths in reaches are robot radius plus ball radius."""
+
+    #: The keeper fetches balls within these robot radii of its goal's middle to either side, and of the end line.
+    keeper_area_radii: float = 7.0
+    keeper_depth_radii: float = 6.0
+    #: Distance, in goal widths, within which the keeper goes out to block a ball that another robot has. A robot with
+    #: the ball drives around a keeper that comes out, where it has room to.
+    block_widths: float = 0.0
+    #: Greatest angle from the line between ball and opponent's goal at which a robot drives straight to the ball.
+    straight_rad: float = 0.9
+    #: Distance in reaches from which it also drives straight, because the ball moves on before it arrives.
+    straight_reaches: float = 6.0
+    #: Radius in reaches of the way round the ball.
+    round_reaches: float = 1.5
+    #: Least x of a supporter as a part of half the length (negative: own half), greatest x in metres.
+    support_limits: tuple[float, float] = (-0.4, 0.3)
+    #: Whether players from number 2 on fetch a ball in their own strip, without agreement; else only number 1 fetches.
+    fetches_in_strip: bool = True
+
 
 class TeamField:
     """Lengths and places for all roles.
-
-    Parameters
-    ----------
-    wall_clearance_m : float
-        Distance between wall and robot at a target.
 
     Attributes
     ----------
@@ -29,14 +52,14 @@ class TeamField:
         Distance from a robot's centre to the centre of a ball in contact.
     """
 
-    def __init__(self, field: Field, limits: RobotLimits, wall_clearance_m: float) -> None:
+    def __init__(self, field: Field, limits: RobotLimits) -> None:
         self.half_length_m, self.half_width_m = field.length_m / 2, field.width_m / 2
         self.goal_half_m = field.goals[0].width_m / 2 if field.goals else field.width_m / 6
         self.mouth_half_m = self.goal_half_m - (field.goals[0].post_radius_m if field.goals else 0.0)
         self.ball_radius_m, self.robot_radius_m = field.ball_radius_m, limits.radius_m
         self.reach_m = limits.radius_m + field.ball_radius_m
         # without walls robots may cross the lines
-        self._inset_m = limits.radius_m + wall_clearance_m if field.is_bounded else 0.0
+        self._inset_m = limits.radius_m + _WALL_CLEARANCE_M if field.is_bounded else 0.0
         # boards may be some way beyond the lines
         beyond = np.abs(field.floor_polygon).max(axis=0) if field.boundary == "boards" else np.zeros(2)
         self._wall_x_m = max(self.half_length_m, float(beyond[0]))

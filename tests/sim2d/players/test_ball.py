@@ -18,7 +18,6 @@ from robocup_vision.team.roles import RoleChooser
 from sim2d.players.ball import (
     BallKnowledge,
     BallMemory,
-    BallMemorySettings,
     HiddenBall,
     NoddingCamera,
     block_ball,
@@ -43,7 +42,7 @@ def knowledge(*told, talks=True, hides=False, nods=None):
         talk = TeamTalk(setup, RoleChooser(1, is_keeper=False, speed_mps=1.0))
         for k, ball in enumerate(told):
             talk.hear((TeamMessage(k + 2, ball.t_s, "support", ball=ball).pack(),), None)
-    return BallKnowledge(0.12, BallMemorySettings(), hides=hides, talk=talk, nods=nods)
+    return BallKnowledge(0.12, hides=hides, talk=talk, nods=nods)
 
 
 def seen(t_s, x_m, y_m):

@@ -20,15 +20,15 @@ from sim2d.match.setups import camera_for, setup_for
 from sim2d.players.built_in import BuiltInPlayer
 from sim2d.players.catalog import player_factory
 from sim2d.players.head import (
+    SURE_M,
+    UNLOCATED_LOOKS,
+    UNSURE_M,
+    WATCH_S,
     FieldHalf,
-    FieldHalfSettings,
     FloorLook,
-    FloorLookSettings,
     Head,
-    HeadSettings,
     HeadView,
     PoseLook,
-    PoseLookSettings,
     mirrored,
 )
 from sim2d.players.plan import Plan
@@ -55,17 +55,17 @@ def test_mirrored_takes_the_half_turn_of_the_most_probable_pose():
 
 
 def test_it_asks_while_the_half_is_unknown_and_then_no_more():
-    half = FieldHalf(FIELD, CAMERA, NECK, FieldHalfSettings())
+    half = FieldHalf(FIELD, CAMERA, NECK)
     fixation = half.choose(halves(0.6), 0.0, ())
     assert fixation is not None
     assert abs(fixation.pan_rad) <= NECK.limit_rad
     assert half.choose(halves(0.995), 0.0, ()) is None
-    white = FieldHalf(load_field("spl_2020"), CAMERA, NECK, FieldHalfSettings())
+    white = FieldHalf(load_field("spl_2020"), CAMERA, NECK)
     assert white.choose(halves(0.5), 0.0, ()) is None
 
 
 def test_a_goal_missed_again_and_again_is_not_looked_for_until_the_robot_is_elsewhere():
-    half = FieldHalf(FIELD, CAMERA, NECK, FieldHalfSettings())
+    half = FieldHalf(FIELD, CAMERA, NECK)
     blind = type("Blind", (), {"pose": NotLocated("nothing in view"), "measurement": None, "camera": CAMERA})()
     for _ in range(60):
         fixation = half.choose(halves(0.6), 0.0, ())
@@ -108,7 +108,7 @@ def test_a_head_leaves_the_ball_after_many_frames_without_a_pose():
     head = Head(FIELD, RobotLimits(), CAMERA, plans=False)
     now = HeadView(PoseEstimate(HERE, SURE, 1.0, 0.5), (), (0.8, 0.3), (), None, None)
     watching = head.turn(0.4, now)
-    for k in range(HeadSettings().unlocated_looks):
+    for k in range(UNLOCATED_LOOKS):
         assert head.turn(0.4, now) == watching, k
         head.observe(blind, ())
     assert abs(head.turn(0.4, now) - watching) > 0.3
@@ -123,7 +123,7 @@ def test_a_head_looks_at_undecided_floor_on_the_way_when_it_does_not_watch_the_b
     pose = PoseEstimate(Pose2(0.0, 0.0, 0.3), SURE, 1.0, 0.5)
     now = HeadView(pose, halves(0.999), (-0.5, 0.0), (), floor, (1.2, 0.0))
     head = Head(FIELD, RobotLimits(), CAMERA, plans=True, looks_again=True)
-    sweeping_s = HeadSettings().watch_s + 0.1
+    sweeping_s = WATCH_S + 0.1
     assert head.turn(sweeping_s, now) == pytest.approx(-0.3, abs=0.2)
     assert head.gaze.choice == "floor"
     plain = Head(FIELD, RobotLimits(), CAMERA, plans=True)
@@ -153,7 +153,7 @@ def picture():
 
 
 def look():
-    return FloorLook(RobotLimits(), 0.5, FloorLookSettings())
+    return FloorLook(RobotLimits(), 0.5)
 
 
 def test_it_looks_at_the_strip_across_the_way():
@@ -183,7 +183,6 @@ def test_a_target_off_the_map_counts_as_on_its_rim_and_a_robot_off_it_does_not_l
 
 
 POSE_LOOK_FIELD = load_field("ssl_division_b")
-SETTINGS = PoseLookSettings()
 
 
 def robot(std_m, x_m=1.5, y_m=-1.0):
@@ -192,13 +191,13 @@ def robot(std_m, x_m=1.5, y_m=-1.0):
 
 def test_the_nearest_crossing_is_faced_from_unsure_until_sure():
     look = PoseLook(POSE_LOOK_FIELD)
-    assert look.direction_rad(robot(0.9 * SETTINGS.unsure_m)) is None
+    assert look.direction_rad(robot(0.9 * UNSURE_M)) is None
     # the centre circle crosses the halfway line 0.5 m from the centre
     circle_rad = math.atan2(0.5, -1.5)
-    assert look.direction_rad(robot(1.1 * SETTINGS.unsure_m)) == pytest.approx(circle_rad)
-    assert look.direction_rad(robot(0.9 * SETTINGS.unsure_m)) == pytest.approx(circle_rad)
-    assert look.direction_rad(robot(0.9 * SETTINGS.sure_m)) is None
-    assert look.direction_rad(robot(0.9 * SETTINGS.unsure_m)) is None
+    assert look.direction_rad(robot(1.1 * UNSURE_M)) == pytest.approx(circle_rad)
+    assert look.direction_rad(robot(0.9 * UNSURE_M)) == pytest.approx(circle_rad)
+    assert look.direction_rad(robot(0.9 * SURE_M)) is None
+    assert look.direction_rad(robot(0.9 * UNSURE_M)) is None
 
 
 def test_a_crossing_below_the_picture_is_none():

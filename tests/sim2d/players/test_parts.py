@@ -17,7 +17,16 @@ from sim2d.match.match import Match
 from sim2d.match.setups import camera_for
 from sim2d.players.catalog import BuiltInTeam, player_name
 from sim2d.players.driving.motion import Motion
-from sim2d.players.parts import PlayerParts, make_ball, make_driving, make_localizer, make_role, make_tactics
+from sim2d.players.parts import (
+    LEGS_ODOMETRY,
+    WHEELS_ODOMETRY,
+    PlayerParts,
+    make_ball,
+    make_driving,
+    make_localizer,
+    make_role,
+    make_tactics,
+)
 from sim2d.players.settings import PlayerSettings
 from sim2d.robot_link import Command, PlayerSetup, RobotLimits
 
@@ -112,7 +121,7 @@ def test_who_sees_ahead_only_counts_on_the_odometry_of_its_legs_or_wheels():
     setups = (SETUP, wheels, replace(wheels, has_legs=True))
     for remembers in (False, True):
         noises = [make_localizer(setup, settings, remembers).memory.poses.odometry_noise for setup in setups]
-        assert noises == [settings.memory.odometry, settings.wheels_odometry, settings.legs_odometry]
+        assert noises == [settings.memory.odometry, WHEELS_ODOMETRY, LEGS_ODOMETRY]
 
 
 @pytest.mark.parametrize(("field_name", "has_legs"), [("four_legged_2007", True), ("ssl_division_b", False)])

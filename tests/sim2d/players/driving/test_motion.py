@@ -11,7 +11,7 @@ import pytest
 from robocup_vision.disc import Disc
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
-from sim2d.players.driving.motion import Motion, MotionSettings
+from sim2d.players.driving.motion import CALM_RPS, Motion, MotionSettings
 from sim2d.players.driving.travel import Travel
 from sim2d.players.plan import Plan
 from sim2d.robot_link import RobotLimits
@@ -82,7 +82,7 @@ def test_who_sees_ahead_only_turns_slowly_unless_the_ball_is_close():
     def fastest_rps(one, **plan):
         return one.drive(Plan("support", (0.1, 0.0), 2.5, **plan), Pose2(0.0, 0.0, 0.0), open_floor, 0.0).turn_rps
 
-    assert fastest_rps(motion) == MotionSettings().calm_rps < LIMITS.turn_rps
+    assert fastest_rps(motion) == CALM_RPS < LIMITS.turn_rps
     assert fastest_rps(motion, close=True) == fastest_rps(all_around) == LIMITS.turn_rps
     assert fastest_rps(motion, close=True, holding=True) == MotionSettings().holding_rps
 

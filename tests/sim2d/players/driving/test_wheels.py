@@ -21,7 +21,7 @@ PERIOD = 1 / 30
 
 @given(st.floats(0.1, 1.0), st.floats(-3.0, 3.0), st.floats(0.3, 4.0))
 def test_a_robot_that_speeds_up_is_known_to_be_faster_than_its_mean(speed, bearing, acceleration):
-    wheels = WheelVelocity(RobotLimits(acceleration_mps2=acceleration), PERIOD)
+    wheels = WheelVelocity(RobotLimits(acceleration_mps2=acceleration))
     unit = (math.cos(bearing), math.sin(bearing))
     wheels.command((speed * unit[0], speed * unit[1]))
     wheels.sense(Pose2(0.0, 0.0, 0.0))
@@ -40,7 +40,7 @@ def test_a_robot_that_speeds_up_is_known_to_be_faster_than_its_mean(speed, beari
 
 
 def test_a_turning_robot_sees_its_velocity_turn_the_other_way():
-    wheels = WheelVelocity(RobotLimits(), PERIOD)
+    wheels = WheelVelocity(RobotLimits())
     for _ in range(2):
         wheels.command((0.6, 0.0))
     wheels.sense(Pose2(0.6 * PERIOD, 0.0, 0.2))
@@ -49,7 +49,7 @@ def test_a_turning_robot_sees_its_velocity_turn_the_other_way():
 
 
 def test_with_a_short_dead_time_the_newest_command_counts():
-    wheels = WheelVelocity(RobotLimits(dead_time_s=0.0, acceleration_mps2=1.2), PERIOD)
+    wheels = WheelVelocity(RobotLimits(dead_time_s=0.0, acceleration_mps2=1.2))
     wheels.command((1.0, 0.0))
     wheels.sense(Pose2(0.0, 0.0, 0.0))
     assert wheels.now_mps == (pytest.approx(1.2 * PERIOD / 2), 0.0)
@@ -68,7 +68,7 @@ def step(speed_mps, bearing_rad):
 
 @given(st.floats(-3.1, 3.1), st.floats(0.1, 1.0), st.floats(0.0, 1.0))
 def test_only_what_the_motors_cannot_do_is_a_jolt(bearing_rad, speed_mps, left_over):
-    wheels = WheelVelocity(LIMITS, CONTROL_PERIOD_S)
+    wheels = WheelVelocity(LIMITS)
     unit = math.cos(bearing_rad), math.sin(bearing_rad)
     gained_mps = LIMITS.acceleration_mps2 * CONTROL_PERIOD_S
     now_mps = 0.0

@@ -16,14 +16,16 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.planning import ShotPlan
 from robocup_vision.team.roles import ChosenRole
 from sim2d.match.setups import setup_for
-from sim2d.players.driving.motion import MotionSettings
+from sim2d.players.driving.motion import CALM_RPS, TURN_TIME_S
 from sim2d.players.tactics.ball_holder import dash_m
-from sim2d.players.tactics.tactics import Tactics, TacticsSettings
+from sim2d.players.tactics.tactics import Tactics
+from sim2d.players.tactics.team_field import TacticsSettings
 from sim2d.robot_link import RobotLimits
 
 FIELD = load_field("ssl_2001")
 LIMITS = RobotLimits()
 DEFAULTS = TacticsSettings()
+BLOCKS = TacticsSettings(block_widths=4 / 3)
 
 
 def decide(number=1, players=2, settings=DEFAULTS, pose=Pose2(-0.5, 0.0, 0.0), **changes):
@@ -238,20 +240,25 @@ def test_every_plan_is_a_place_on_the_floor(role, place, heading, ball, velocity
 def test_the_keeper_blocks_a_ball_that_another_one_has(ball):
     pose = Pose2(-1.25, 0.1, 0.0)
     holder = (ball[0] + 0.1, ball[1])
-    plan = decide(0, pose=pose, ball=ball, others=(holder, (0.9, 0.9)))
+    plan = decide(0, settings=BLOCKS, pose=pose, ball=ball, others=(holder, (0.9, 0.9)))
     assert plan.intent == "block"
     assert (plan.why.topic, plan.why.choice) == ("shot", "block")
     # between the ball and the goal, off the ball
     assert -FIELD.length_m / 2 < plan.target[0] < ball[0]
     assert math.dist(plan.target, ball) > LIMITS.radius_m + FIELD.ball_radius_m
+    assert decide(0, pose=pose, ball=ball, others=(holder, (0.9, 0.9))).intent != "block"
     # a ball that nobody is nearer to is fetched where it lies before the goal
-    assert decide(0, pose=pose, ball=ball, others=((0.9, 0.9),)).intent in ("fetch", "keep", "get behind")
+    assert decide(0, settings=BLOCKS, pose=pose, ball=ball, others=((0.9, 0.9),)).intent in (
+        "fetch",
+        "keep",
+        "get behind",
+    )
 
 
 @pytest.mark.parametrize("y_m", [-0.6, -0.4, 0.4, 0.6])
 def test_the_keeper_stays_before_its_goal_where_the_ball_is_in_a_corner(y_m):
     ball = (-1.33, y_m)
-    plan = decide(0, pose=Pose2(-1.25, 0.0, 0.0), ball=ball, others=((-1.25, y_m),))
+    plan = decide(0, settings=BLOCKS, pose=Pose2(-1.25, 0.0, 0.0), ball=ball, others=((-1.25, y_m),))
     assert plan.intent == "block"
     assert abs(plan.target[1]) <= FIELD.goals[0].width_m / 2
     assert plan.target[1] * y_m > 0
@@ -268,14 +275,12 @@ def test_a_keeper_that_is_pressed_clears_the_ball_away_from_its_goal_only():
 
 
 def test_settings_are_followed():
-    bold = replace(DEFAULTS, keeper=replace(DEFAULTS.keeper, line_radii=3.0))
-    pose = Pose2(-1.2, 0.0, 0.0)
-    target = decide(0, settings=bold, pose=pose, ball=(0.5, 0.0)).target
-    assert target[0] == pytest.approx(-FIELD.length_m / 2 + 3.0 * LIMITS.radius_m)
-    eager = replace(DEFAULTS, fetch=replace(DEFAULTS.fetch, straight_rad=4.0))
+    eager = TacticsSettings(straight_rad=4.0)
     assert decide(settings=eager, pose=Pose2(0.3, 0.0, math.pi)).intent == "fetch"
-    hasty = replace(DEFAULTS, ball_holder=replace(DEFAULTS.ball_holder, clear_after_s=0.1))
-    assert decide(settings=hasty, pose=Pose2(-0.6, 0.6, 2.5), in_mouth=True, held_s=0.2).intent == "clear"
+    far_out = TacticsSettings(keeper_depth_radii=15.0)
+    assert decide(0, settings=far_out, pose=Pose2(-1.2, 0.0, 0.0), ball=(-0.5, 0.2)).intent == "fetch"
+    alone = TacticsSettings(fetches_in_strip=False)
+    assert decide(2, 4, settings=alone, ball=(0.3, 0.6)).intent == "support"
 
 
 @pytest.mark.parametrize("number", [1, 2, 3])
@@ -299,9 +304,8 @@ def test_supporters_divide_the_field_among_themselves():
 
 
 def test_a_search_turns_no_faster_than_pictures_stay_sharp():
-    plan, motion = decide(ball=None, pose=Pose2(0.0, 0.0, 1.0)), MotionSettings()
-    turn_rps = (plan.heading_rad - 1.0) / motion.turn_time_s
-    assert 0.5 < turn_rps < motion.calm_rps
+    plan = decide(ball=None, pose=Pose2(0.0, 0.0, 1.0))
+    assert 0.5 < (plan.heading_rad - 1.0) / TURN_TIME_S < CALM_RPS
 
 
 def test_those_that_search_together_begin_at_different_corners():
