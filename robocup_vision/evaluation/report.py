@@ -111,13 +111,15 @@ def render_report(
     )
 
 
-def render_page(template: str, **values: object) -> str:
-    """Return a page of this folder's templates as HTML text."""
+def render_page(template: str, package: str = "robocup_vision.evaluation", **values: object) -> str:
+    """Return a page as HTML text, by a template of a package; what it includes is beside this module."""
     from jinja2 import Environment, FunctionLoader
 
-    folder = files("robocup_vision.evaluation")
-    loader = FunctionLoader(lambda name: (folder / name).read_text(encoding="utf-8"))
-    pages = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    def read(name: str) -> str:
+        folder = files(package if name == template else "robocup_vision.evaluation")
+        return (folder / name).read_text(encoding="utf-8")
+
+    pages = Environment(loader=FunctionLoader(read), autoescape=True, trim_blocks=True, lstrip_blocks=True)
     return pages.get_template(template).render(values)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -11,25 +10,6 @@ from field_models.errors import ArgumentError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.evaluation.dataset import Dataset, load_dataset
 from robocup_vision.files.output_folder import telling_write_errors
-
-
-def photographs_to_learn_from(folders: Sequence[str]) -> list[Dataset]:
-    """Load datasets of one forward camera each, with boxes.
-
-    Raises
-    ------
-    RobocupVisionError
-        If one of them is none such.
-    """
-    datasets = [load_dataset(folder) for folder in folders]
-    for folder, dataset in zip(folders, datasets, strict=True):
-        if dataset.boxes is None:
-            raise ArgumentError(f"{folder}: photographs to learn from need a boxes.csv")
-        if not (isinstance(dataset.camera, PinholeCamera) and dataset.camera.known_orientation):
-            raise ArgumentError(f"{folder}: photographs to learn from need a forward camera whose tilt is known")
-        if dataset.is_video:
-            raise ArgumentError(f"{folder}: photographs to learn from must be a folder of images, not a video")
-    return datasets
 
 
 def prepare_training(args: argparse.Namespace) -> tuple[list[Dataset], Path]:
@@ -40,7 +20,14 @@ def prepare_training(args: argparse.Namespace) -> tuple[list[Dataset], Path]:
     RobocupVisionError
         If a dataset does not fit, torch is missing, or the folder cannot be made.
     """
-    datasets = photographs_to_learn_from(args.photographs)
+    datasets = [load_dataset(folder) for folder in args.photographs]
+    for folder, dataset in zip(args.photographs, datasets, strict=True):
+        if dataset.boxes is None:
+            raise ArgumentError(f"{folder}: photographs to learn from need a boxes.csv")
+        if not (isinstance(dataset.camera, PinholeCamera) and dataset.camera.known_orientation):
+            raise ArgumentError(f"{folder}: photographs to learn from need a forward camera whose tilt is known")
+        if dataset.is_video:
+            raise ArgumentError(f"{folder}: photographs to learn from must be a folder of images, not a video")
     if find_spec("torch") is None:
         raise ArgumentError("torch is not installed (pip install 'robocup-vision[train]')")
     out = Path(args.out)

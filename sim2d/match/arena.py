@@ -102,12 +102,10 @@ class Arena:
             if fault.robot not in robots:
                 raise ArgumentError(f"a fault must name a robot from 0 to {2 * players - 1}, got {fault.robot}")
         camera_rng = np.random.default_rng([seed, _SENSOR])
-        shutter = self.disturbances.shutter if isinstance(self.camera, PinholeCamera) else None
-        self._cameras = MatchCamera(field, self.camera, self.limits, camera_rng, sensor=sensor, shutter=shutter)
-        # of a rig the cameras after the first
-        self._further = [
-            MatchCamera(field, camera, self.limits, camera_rng, sensor=sensor)
-            for camera in (() if self.rig is None else self.rig.cameras[1:])
+        shutter = self.disturbances.shutter
+        self._cameras = [
+            MatchCamera(field, camera, self.limits, camera_rng, sensor=sensor, shutter=shutter)
+            for camera in ((self.camera,) if self.rig is None else self.rig.cameras)
         ]
         self._faulty = [
             FaultySenses(
@@ -135,11 +133,11 @@ class Arena:
             late = [LateFrames(on.latency, np.random.default_rng([seed, _LATENCY, k])) for k in robots]
         self._drift: LightDrift | None = None
         if on.drift is not None:
-            self._drift = LightDrift(on.drift, self._cameras.light, np.random.default_rng([seed, _LIGHT]))
+            self._drift = LightDrift(on.drift, self._cameras[0].light, np.random.default_rng([seed, _LIGHT]))
         self._true_cameras = [TrueCamera(on.camera, on.knock, self.camera, [seed, _CAMERA, k]) for k in robots]
         for k, true in enumerate(self._true_cameras):
             if on.camera is not None:
-                self._cameras.set_camera(k, true.camera)
+                self._cameras[0].set_camera(k, true.camera)
         return sways, late
 
     @property
@@ -186,23 +184,20 @@ class Arena:
         sensed = []
         if self._drift is not None:
             light = self._drift.at(state.t_s)
-            for camera in (self._cameras, *self._further):
+            for camera in self._cameras:
                 camera.set_light(light)
         for index, true in enumerate(self._true_cameras):
             if true.is_knocked_by(state.t_s):
-                self._cameras.set_camera(index, true.camera)
+                self._cameras[0].set_camera(index, true.camera)
         kickers = {index for event in state.events if event.kind == "kick" for index in event.robots}
         for robot in state.robots:
             sway = UPRIGHT
             if self._sways:
                 sway = self._sways[robot.index].update(robot, robot.index in kickers)
-            frame = np.array(self._cameras.render(state, robot.index, sway))
-            frame.flags.writeable = False
-            others = (camera.render(state, robot.index, sway) for camera in self._further)
-            rig_frames = None if self.rig is None else (frame, *others)
+            frames = tuple(camera.render(state, robot.index, sway) for camera in self._cameras)
             senses = Senses(
                 state.t_s,
-                frame,
+                frames[0],
                 state.t_s,
                 self.world.odometry(robot.index),
                 self.world.ball_in_mouth(robot.index),
@@ -211,7 +206,7 @@ class Arena:
                 robot.pan_rad if self.rig is None and isinstance(self.camera, PinholeCamera) else None,
                 state.placement_m,
                 self._channels[robot.index // self.players].received(robot.index % self.players, state.t_s),
-                rig_frames,
+                None if self.rig is None else frames,
             )
             if self._late:
                 senses = self._late[robot.index].apply(senses)

@@ -6,7 +6,6 @@ Needs the extra `report` (matplotlib, jinja2), which is imported only when a rep
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,14 @@ import numpy as np
 from field_models.field import Field
 from robocup_vision.evaluation.moment_links import moment_link
 from robocup_vision.evaluation.plots import GREY, INK, data_uri, draw_field, encode, new_figure, tidy
-from robocup_vision.evaluation.report import degrees, millimetres, missing_packages, package_version, percent
+from robocup_vision.evaluation.report import (
+    degrees,
+    millimetres,
+    missing_packages,
+    package_version,
+    percent,
+    render_page,
+)
 from robocup_vision.evaluation.scoring import NEAR_M
 from sim2d.report.match_figures import MatchFigures
 from sim2d.report.robot_figures import FaultFigures, RobotFigures
@@ -55,8 +61,6 @@ def render_report(
     poster : bytes
         JPEG that stands for the film until it is played; empty: its first picture does.
     """
-    from jinja2 import Environment
-
     plots = [(_ways(field, figures, story), _WAYS_CAPTION), (_errors(figures, story), _ERRORS_CAPTION)]
     if story.calibrates:
         moved = dict(enumerate(story.center_moved_px))
@@ -65,33 +69,29 @@ def render_report(
         speeds = {index: story.speed_mps[index] for index in story.planners}
         plots.append((_over_time(figures, story.t_s, speeds, "speed allowed (m/s)"), _SPEEDS_CAPTION))
 
-    template = (files("sim2d.report") / "report.html").read_text(encoding="utf-8")
-    page: str = (
-        Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-        .from_string(template)
-        .render(
-            field=field.name,
-            score=figures.score,
-            lead=f"{figures.seconds:g} s on {field.name}, {len(figures.robots) // 2} against "
-            f"{len(figures.robots) // 2}, seed {seed}; robocup-vision {package_version()}",
-            video=None if video is None else video.name,
-            poster=data_uri("jpeg", poster) if poster else "",
-            notes=notes,
-            stopped=[robot for robot in figures.robots if robot.stopped_reason],
-            tiles=_tiles(figures),
-            recordings=recordings,
-            goals=[
-                (f"{t_s:.1f} s", "+x" if side > 0 else "-x", _moment_links(recordings, t_s - _BEFORE_S))
-                for t_s, side in figures.goals
-            ],
-            robots=[(_name(robot), _color(robot), _cells(robot)) for robot in figures.robots],
-            starts=_moment_links(recordings, 0.0),
-            faults=[_fault_cells(fault) for fault in figures.faults],
-            planned=[_planned_cells(figures, rate) for rate in story.rates],
-            plots=plots,
-        )
+    return render_page(
+        "report.html",
+        "sim2d.report",
+        field=field.name,
+        score=figures.score,
+        lead=f"{figures.seconds:g} s on {field.name}, {len(figures.robots) // 2} against "
+        f"{len(figures.robots) // 2}, seed {seed}; robocup-vision {package_version()}",
+        video=None if video is None else video.name,
+        poster=data_uri("jpeg", poster) if poster else "",
+        notes=notes,
+        stopped=[robot for robot in figures.robots if robot.stopped_reason],
+        tiles=_tiles(figures),
+        recordings=recordings,
+        goals=[
+            (f"{t_s:.1f} s", "+x" if side > 0 else "-x", _moment_links(recordings, t_s - _BEFORE_S))
+            for t_s, side in figures.goals
+        ],
+        robots=[(_name(robot), _color(robot), _cells(robot)) for robot in figures.robots],
+        starts=_moment_links(recordings, 0.0),
+        faults=[_fault_cells(fault) for fault in figures.faults],
+        planned=[_planned_cells(figures, rate) for rate in story.rates],
+        plots=plots,
     )
-    return page
 
 
 def _moment_links(recordings: Sequence[str], t_s: float) -> list[tuple[int, str]]:

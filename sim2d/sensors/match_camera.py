@@ -274,7 +274,7 @@ class MatchCamera:
     def _blur(self, frame: UInt8Array) -> UInt8Array:
         sigma = self.sensor.blur_px
         if not sigma:
-            return frame
+            return frame.copy()
         beside = sigma * sigma / 2
         if beside > 1 / 3:
             return np.asarray(cv2.GaussianBlur(frame, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE), dtype=np.uint8)
