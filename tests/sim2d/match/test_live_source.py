@@ -28,13 +28,6 @@ def test_each_robot_shows_what_it_sees_itself():
         assert error_m < 0.01
 
 
-def test_the_same_seed_is_the_same_match():
-    one, two = (open_match("ssl_2001,players=1,seed=5", SourceOptions()) for _ in range(2))
-    for _ in range(3):
-        a, b = one.read(1.0)[0], two.read(1.0)[0]
-    assert (a.frame == b.frame).all()
-
-
 def test_robots_and_the_ball_are_put_elsewhere():
     source = open_source("sim:ssl_2001,players=1,seed=3", SourceOptions())
     source.read(1.0)

@@ -156,12 +156,6 @@ def look():
     return FloorLook(RobotLimits(), 0.5)
 
 
-def test_it_looks_at_the_strip_across_the_way():
-    pan_rad, reason = look().choose(picture(), FLOOR_LOOK_HERE, TARGET)
-    assert pan_rad == pytest.approx(-0.3, abs=0.2)
-    assert reason.startswith("look at (0.8")
-
-
 def test_two_looks_from_one_place_are_enough():
     planner = look()
     for _ in range(2):

@@ -62,16 +62,6 @@ def test_the_half_of_the_field_counts_after_two_seconds():
     assert log_of([(PLACE, right, Command())] * 60).figures.right_half_ratio is None
 
 
-def test_the_way_is_what_was_driven_not_where_it_was_carried():
-    log = RobotLog(0, 1, 0, PERIOD_S, 1.2)
-    log.add(0.0, Pose2(0.0, 0.0, 0.0), NOWHERE, Command(), False)
-    log.add(0.1, Pose2(0.3, 0.4, 0.0), NOWHERE, Command(), False)
-    log.put_down()
-    log.add(0.2, Pose2(-1.0, 0.0, 0.0), NOWHERE, Command(), False)
-    log.add(0.3, Pose2(-1.0, 0.1, 0.0), NOWHERE, Command(), False)
-    assert log.figures.distance_m == pytest.approx(0.6)
-
-
 def standing(seconds, command):
     return [(PLACE, NOWHERE, command)] * round(seconds / PERIOD_S)
 

@@ -106,12 +106,6 @@ def test_odometry_errs_by_its_ratio():
     assert sensed[20].odometry.array == pytest.approx(0.8 * STEP.array)
 
 
-def test_several_faults_at_once():
-    sensed = spoil(SenseFault(0, "odometry", 0.0, 1.0, 0.2), SenseFault(0, "black", 0.5))
-    assert brightness(sensed)[14:16] == [15, 0]
-    assert sensed[20].odometry.array == pytest.approx(1.2 * STEP.array)
-
-
 @pytest.mark.parametrize(
     ("make", "problem"),
     [
