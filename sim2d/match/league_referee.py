@@ -14,6 +14,7 @@ from typing import Literal
 from field_models import Field
 from sim2d.match.pitch_rules import FoulKind, NextPlay, PitchRules, Restart, kick_time_s
 from sim2d.robot_link import Phase, Point, RobotLimits
+from sim2d.world.ball_physics import CLEAR_HEIGHT_M
 from sim2d.world.referee import Ruling
 from sim2d.world.state import BallState, Event, RobotState
 
@@ -360,8 +361,7 @@ class LeagueReferee:
         reach = self._radius_m + self._field.ball_radius_m + _TOUCH_M
         near = [(math.dist((r.pose.x_m, r.pose.y_m), (ball.x_m, ball.y_m)), r.side, r.number) for r in robots]
         away, side, number = min(near, default=(math.inf, 0, 0))
-        # no robot is higher than this
-        if away >= reach or ball.z_m > 0.15:
+        if away >= reach or ball.z_m > CLEAR_HEIGHT_M:
             self._touching, self._kicker_left = None, True
             return
         self._touching = self._last = side, number

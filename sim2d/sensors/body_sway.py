@@ -14,6 +14,16 @@ import numpy as np
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.world.state import RobotState
 
+# what chance adds is correlated over this time
+_CHANCE_TIME_S = 0.2
+# part of the largest speed or turning rate from which on steps are full
+_FULL_STEP_RATIO = 0.3
+# the pitch follows the acceleration within this time
+_PITCH_TIME_S = 0.05
+# frequency of the shake after a kick, and the time in which it falls to a third
+_KICK_HZ = 8.0
+_KICK_TIME_S = 0.1
+
 
 class Sway(NamedTuple):
     """How a body stands now, from upright."""
@@ -39,20 +49,12 @@ class SwaySettings:
     height_m: float = 0.0
     #: Standard deviation of what chance adds to each, as a part of the amplitude: carpets are uneven.
     chance_ratio: float = 0.7
-    #: It is correlated over this time.
-    chance_time_s: float = 0.2
     #: Steps a second; the body nods with each, and rolls with each pair.
     pace_hz: float = 1.7
-    #: Part of the largest speed or turning rate from which on steps are full.
-    full_step_ratio: float = 0.3
     #: Pitch by acceleration ahead: wheels' suspension and soft carpet; 0 on legs.
     pitch_rad_per_mps2: float = 0.0
-    #: The pitch follows the acceleration within this time.
-    pitch_time_s: float = 0.05
-    #: Amplitude of the shake after a kick, its frequency, and the time in which it falls to a third.
+    #: Amplitude of the shake after a kick.
     kick_rad: float = math.radians(1.0)
-    kick_hz: float = 8.0
-    kick_time_s: float = 0.1
 
 
 # the walking sequences of `benchmarks.worlds.walks` nod and roll as much
@@ -77,8 +79,8 @@ class BodySway:
         settings, period_s = self._settings, CONTROL_PERIOD_S
         limits, (vx, vy) = self._limits, robot.velocity_mps
         effort = max(math.hypot(vx, vy) / limits.speed_mps, abs(robot.turn_rps) / limits.turn_rps)
-        wanted = min(effort / settings.full_step_ratio, 1.0)
-        kept = math.exp(-period_s / settings.chance_time_s)
+        wanted = min(effort / _FULL_STEP_RATIO, 1.0)
+        kept = math.exp(-period_s / _CHANCE_TIME_S)
         self._step = kept * self._step + (1 - kept) * wanted
         self._phase_rad += math.pi * settings.pace_hz * period_s
         drawn = self._rng.standard_normal(3).tolist()
@@ -96,15 +98,15 @@ class BodySway:
         self._ahead_mps = ahead_mps
         # a collision or a robot that is carried elsewhere is no braking
         most = 2 * limits.acceleration_mps2
-        follows = 1 - math.exp(-period_s / settings.pitch_time_s)
+        follows = 1 - math.exp(-period_s / _PITCH_TIME_S)
         lean_rad = settings.pitch_rad_per_mps2 * max(-most, min(most, acceleration))
         self._pitch_rad += follows * (lean_rad - self._pitch_rad)
 
         self._kicked_s = 0.0 if kicked else self._kicked_s + period_s
         shake = 0.0
-        if self._kicked_s < 5 * settings.kick_time_s:
-            swing = math.cos(math.tau * settings.kick_hz * self._kicked_s)
-            shake = settings.kick_rad * math.exp(-self._kicked_s / settings.kick_time_s) * swing
+        if self._kicked_s < 5 * _KICK_TIME_S:
+            swing = math.cos(math.tau * _KICK_HZ * self._kicked_s)
+            shake = settings.kick_rad * math.exp(-self._kicked_s / _KICK_TIME_S) * swing
         return Sway(
             settings.nod_rad * self._step * nod + self._pitch_rad + shake,
             settings.roll_rad * self._step * roll + 0.5 * shake,

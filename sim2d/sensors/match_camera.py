@@ -29,6 +29,8 @@ MATCH_LIGHT = Light(gradient=0.2, gradient_direction_rad=0.6)
 MATCH_ROOM = Room(seed=4, distance_m=1.2)
 CARPET_MARGIN_M = 0.5  # beyond the floor polygon where nothing bounds it
 MARKERS_BGR = {1: COLOR_NAMES["yellow"], -1: COLOR_NAMES["blue"]}
+# A camera that turns farther between two frames was carried elsewhere, and shows neither.
+_MAX_TURN_RAD = 0.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +99,6 @@ class ShutterSettings:
     exposure_s: float = 0.010
     #: Rolling shutter: from the first row to the last, as a cheap sensor takes of its frame's 33 ms.
     readout_s: float = 0.020
-    #: A camera that turns farther between two frames was carried elsewhere, and shows neither.
-    max_turn_rad: float = 0.6
 
 
 class MatchCamera:
@@ -262,7 +262,7 @@ class MatchCamera:
         before_s, before = self._last_rotation.get(index, (-math.inf, rotation))
         self._last_rotation[index] = (t_s, rotation)
         turned = rotation_vector(before.T @ rotation)
-        if t_s - before_s > 2 * CONTROL_PERIOD_S or float(np.linalg.norm(turned)) > shutter.max_turn_rad:
+        if t_s - before_s > 2 * CONTROL_PERIOD_S or float(np.linalg.norm(turned)) > _MAX_TURN_RAD:
             turned = np.zeros(3)
         rate_rps = turned / CONTROL_PERIOD_S
         ahead, left, up = (rate_rps * shutter.readout_s).tolist()

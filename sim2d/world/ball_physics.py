@@ -14,6 +14,10 @@ GRAVITY_MPS2 = 9.81
 ROLLS_RATIO = 5 / 7
 # a slower ball lies still
 _STILL_MPS = 1e-4
+# Below this vertical speed it no longer bounces: that is a bounce of 1 mm.
+_MIN_BOUNCE_MPS = 0.15
+# With its lower side above this it touches neither robots nor walls: the league's robots are at most 0.15 m high.
+CLEAR_HEIGHT_M = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +43,6 @@ class Flight:
     later_floor_ratio: float = 1.0
     #: Fraction of its vertical speed that it keeps at a bounce.
     up_ratio: float = 0.566
-    #: Below this vertical speed it no longer bounces: that is a bounce of 1 mm.
-    min_bounce_mps: float = 0.15
-    #: With its lower side above this it touches neither robots nor walls: the league's robots are at most 0.15 m high.
-    clear_height_m: float = 0.15
 
 
 class BallBody:
@@ -148,11 +148,11 @@ class BallBody:
             self.body.velocity = self._roll = (vx * part, vy * part)
             self._bounces += 1
             self._height_m = 0.0
-            self._rise_mps = back_mps if back_mps >= self.flight.min_bounce_mps else 0.0
+            self._rise_mps = back_mps if back_mps >= _MIN_BOUNCE_MPS else 0.0
         self._set_clear()
 
     def _set_clear(self) -> None:
-        is_clear = self._height_m > self.flight.clear_height_m
+        is_clear = self._height_m > CLEAR_HEIGHT_M
         if is_clear != self._is_clear:
             self._is_clear = is_clear
             self.shape.filter = pymunk.ShapeFilter(mask=0) if is_clear else pymunk.ShapeFilter()
