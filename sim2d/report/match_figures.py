@@ -46,14 +46,7 @@ class MatchLog:
     def __init__(self, state: WorldState, limits: RobotLimits, ball_radius_m: float, faults: Sequence[Fault]) -> None:
         self._reach_m = limits.radius_m + ball_radius_m + _REACH_M
         self._robots = [
-            RobotLog(
-                r.index,
-                r.side,
-                r.number,
-                CONTROL_PERIOD_S,
-                limits.acceleration_mps2,
-                [f for f in faults if f.robot == r.index],
-            )
+            RobotLog(r.index, r.side, r.number, limits.acceleration_mps2, [f for f in faults if f.robot == r.index])
             for r in state.robots
         ]
         self._carried = sorted((f.at_s, f.robot) for f in faults if isinstance(f, BodyFault) and f.carry_to is not None)

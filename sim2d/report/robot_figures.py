@@ -19,7 +19,7 @@ from robocup_vision.calibration.online import OnlineState
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.evaluation.scoring import FAIR_M, FAIR_RAD, NEAR_M, NEAR_RAD
 from robocup_vision.geometry import Pose2
-from sim2d.robot_link import Command
+from sim2d.robot_link import CONTROL_PERIOD_S, Command
 from sim2d.sensors.faults import Fault
 
 # a robot needs some frames to decide between the two halves of the field
@@ -117,8 +117,8 @@ class _Run:
     now_s: float = 0.0
     longest_s: float = 0.0
 
-    def add(self, holds: bool, step_s: float) -> None:
-        self.now_s = self.now_s + step_s if holds else 0.0
+    def add(self, holds: bool) -> None:
+        self.now_s = self.now_s + CONTROL_PERIOD_S if holds else 0.0
         self.longest_s = max(self.longest_s, self.now_s)
 
 
@@ -154,17 +154,16 @@ class RobotLog:
         robot: int,
         side: int,
         number: int,
-        step_s: float,
         acceleration_mps2: float,
         faults: Sequence[Fault] = (),
     ) -> None:
-        self._robot, self._side, self._number, self._step_s = robot, side, number, step_s
+        self._robot, self._side, self._number = robot, side, number
         self._frames = self._near = self._lost_frames = 0
         self._half_frames = self._right_half = 0
         self._error_m, self._error_rad = array("f"), array("f")
         self._lost, self._stuck = _Run(), _Run()
         self._acceleration_mps2 = acceleration_mps2
-        self._way = _Way(step_s, acceleration_mps2)
+        self._way = _Way(acceleration_mps2)
         self._distance_m = 0.0
         self._before: Pose2 | None = None
         self._possession_s = 0.0
@@ -190,12 +189,12 @@ class RobotLog:
                 self._right_half += error_m + error_rad <= sum(estimate.pose.half_turn().error_to(truth))
         self._near += is_near
         self._lost_frames += is_lost
-        self._lost.add(is_lost, self._step_s)
-        self._possession_s += has_ball * self._step_s
+        self._lost.add(is_lost)
+        self._possession_s += has_ball * CONTROL_PERIOD_S
         if self._before is not None:
             self._distance_m += math.hypot(truth.x_m - self._before.x_m, truth.y_m - self._before.y_m)
         self._before = truth
-        self._stuck.add(self._way.add(truth, command), self._step_s)
+        self._stuck.add(self._way.add(truth, command))
         for recovery in self._recoveries:
             recovery.add(t_s, is_near)
 
@@ -209,7 +208,7 @@ class RobotLog:
     def put_down(self) -> None:
         """Start a new path: the robot was carried elsewhere."""
         self._before = None
-        self._way = _Way(self._step_s, self._acceleration_mps2)
+        self._way = _Way(self._acceleration_mps2)
 
     @property
     def figures(self) -> RobotFigures:
@@ -233,7 +232,7 @@ class RobotLog:
             wall_contacts=self.wall_contacts,
             kicks=self.kicks,
             distance_m=self._distance_m,
-            possession=self._possession_s / (frames * self._step_s),
+            possession=self._possession_s / (frames * CONTROL_PERIOD_S),
             longest_stuck_s=stuck_s + STUCK_S if stuck_s else 0.0,
             stopped_s=self.stopped_s,
             stopped_reason=self.stopped_reason,
@@ -253,8 +252,7 @@ class RobotLog:
 class _Step:
     """A control period: position, whether it was commanded to drive, way driven, way of free wheels."""
 
-    x_m: float
-    y_m: float
+    place_m: complex
     is_commanded: bool
     came_m: float
     free_m: float
@@ -264,7 +262,6 @@ class _Step:
 class _Way:
     """The last seconds, step by step."""
 
-    step_s: float
     acceleration_mps2: float
     steps: deque[_Step] = field(default_factory=deque)
     velocity_mps: complex = 0j
@@ -274,23 +271,17 @@ class _Way:
     def add(self, truth: Pose2, command: Command) -> bool:
         """Add a period; return whether the robot has been stuck for the last seconds."""
         place = complex(truth.x_m, truth.y_m)
-        last = complex(self.steps[-1].x_m, self.steps[-1].y_m) if self.steps else place
-        change, max_change = self.commanded_mps - self.velocity_mps, self.acceleration_mps2 * self.step_s
+        last = self.steps[-1].place_m if self.steps else place
+        change, max_change = self.commanded_mps - self.velocity_mps, self.acceleration_mps2 * CONTROL_PERIOD_S
         free_mps = self.velocity_mps + change * min(1.0, max_change / max(abs(change), 1e-9))
-        step = _Step(
-            truth.x_m,
-            truth.y_m,
-            abs(self.commanded_mps) > STUCK_COMMANDED_MPS,
-            abs(place - last),
-            abs(free_mps) * self.step_s,
-        )
-        self.steps.append(step)
-        self.velocity_mps = (place - last) / self.step_s
+        is_commanded = abs(self.commanded_mps) > STUCK_COMMANDED_MPS
+        self.steps.append(_Step(place, is_commanded, abs(place - last), abs(free_mps) * CONTROL_PERIOD_S))
+        self.velocity_mps = (place - last) / CONTROL_PERIOD_S
         self.commanded_mps = complex(command.forward_mps, command.left_mps) * cmath.rect(1.0, truth.theta_rad)
-        if len(self.steps) <= round(STUCK_S / self.step_s):
+        if len(self.steps) <= round(STUCK_S / CONTROL_PERIOD_S):
             return False
         first = self.steps.popleft()
-        if any(math.hypot(s.x_m - first.x_m, s.y_m - first.y_m) > STUCK_WITHIN_M for s in self.steps):
+        if any(abs(step.place_m - first.place_m) > STUCK_WITHIN_M for step in self.steps):
             return False
         if sum(s.is_commanded for s in self.steps) < len(self.steps) / 2:
             return False

@@ -53,13 +53,17 @@ def draw_scene(rng: np.random.Generator) -> Scene:
     things = sorted([*rng.uniform(nearest, height * 1.1, rng.integers(3, 11)), *at_edge])
     balls: list[tuple[float, float, float]] = []
     covered = np.zeros((height, width), dtype=np.uint8)
+
+    def add_ball(u: float, v: float, r: float) -> None:
+        _draw_ball(rng, canvas, (u, v), r, carpet, on_floor=True)
+        balls.append((u, v, r))
+        cv2.circle(covered, (int(u), int(v)), int(r), len(balls), -1)
+
     for v in things:
         u = float(rng.uniform(-0.02, 1.02) * width)
         if rng.random() < 0.62:
             r = radius * float(np.exp(rng.uniform(*np.log(_SIZES))))
-            _draw_ball(rng, canvas, (u, v - r), r, carpet, on_floor=True)
-            balls.append((u, v - r, r))
-            cv2.circle(covered, (int(u), int(v - r)), int(r), len(balls), -1)
+            add_ball(u, v - r, r)
         else:
             before = canvas.copy()
             _draw_other(rng, canvas, (u, float(v)), radius, carpet)
@@ -67,10 +71,7 @@ def draw_scene(rng: np.random.Generator) -> Scene:
             if rng.random() < 0.35:
                 # robots and people stand at balls
                 r = radius * float(np.exp(rng.uniform(*np.log(_SIZES))))
-                beside = u + radius * float(rng.uniform(-3, 3))
-                _draw_ball(rng, canvas, (beside, v - 0.7 * r), r, carpet, on_floor=True)
-                balls.append((beside, v - 0.7 * r, r))
-                cv2.circle(covered, (int(beside), int(v - 0.7 * r)), int(r), len(balls), -1)
+                add_ball(u + radius * float(rng.uniform(-3, 3)), v - 0.7 * r, r)
     if rng.random() < 0.15:
         _draw_rim(rng, canvas, covered)
     shown: list[tuple[float, float, float]] = []
@@ -97,7 +98,10 @@ def _draw_rim(rng: np.random.Generator, canvas: UInt8Array, covered: UInt8Array)
 
 def _carpet_color(rng: np.random.Generator) -> Floats:
     """BGR, 0 to 255, of a green carpet in some light."""
-    hue, saturation, value = rng.uniform(38, 85), rng.uniform(70, 230), rng.uniform(45, 200)
+    return _of_hsv(rng.uniform(38, 85), rng.uniform(70, 230), rng.uniform(45, 200))
+
+
+def _of_hsv(hue: float, saturation: float, value: float) -> Floats:
     pixel = np.array([[[hue, saturation, value]]], dtype=np.uint8)
     return np.asarray(cv2.cvtColor(pixel, cv2.COLOR_HSV2BGR)[0, 0], dtype=np.float32)
 
@@ -105,8 +109,7 @@ def _carpet_color(rng: np.random.Generator) -> Floats:
 def _any_color(rng: np.random.Generator) -> Floats:
     if rng.random() < 0.45:
         return np.full(3, rng.choice([rng.uniform(8, 60), rng.uniform(60, 170), rng.uniform(170, 255)]), np.float32)
-    pixel = np.array([[[rng.uniform(0, 180), rng.uniform(60, 255), rng.uniform(40, 255)]]], dtype=np.uint8)
-    return np.asarray(cv2.cvtColor(pixel, cv2.COLOR_HSV2BGR)[0, 0], dtype=np.float32)
+    return _of_hsv(rng.uniform(0, 180), rng.uniform(60, 255), rng.uniform(40, 255))
 
 
 def _ball_color(rng: np.random.Generator) -> Floats:
@@ -115,12 +118,9 @@ def _ball_color(rng: np.random.Generator) -> Floats:
     if kind < 0.3:
         return np.full(3, rng.uniform(170, 255), np.float32) * rng.uniform(0.9, 1.0, 3).astype(np.float32)
     if kind < 0.75:
-        hue = rng.uniform(3, 33)
-        pixel = np.array([[[hue, rng.uniform(90, 255), rng.uniform(140, 255)]]], dtype=np.uint8)
-        return np.asarray(cv2.cvtColor(pixel, cv2.COLOR_HSV2BGR)[0, 0], dtype=np.float32)
+        return _of_hsv(rng.uniform(3, 33), rng.uniform(90, 255), rng.uniform(140, 255))
     # no ball is as dark as robots and shoes are
-    pixel = np.array([[[rng.uniform(0, 180), rng.uniform(60, 255), rng.uniform(130, 255)]]], dtype=np.uint8)
-    return np.asarray(cv2.cvtColor(pixel, cv2.COLOR_HSV2BGR)[0, 0], dtype=np.float32)
+    return _of_hsv(rng.uniform(0, 180), rng.uniform(60, 255), rng.uniform(130, 255))
 
 
 def _textured(rng: np.random.Generator, shape: tuple[int, int], color: Floats, most: float) -> UInt8Array:

@@ -10,6 +10,7 @@ import numpy as np
 import pymunk
 
 from robocup_vision.geometry import Pose2, wrap_angle
+from sim2d.robot_link import CONTROL_PERIOD_S
 from sim2d.world.ball_physics import BallBody
 from sim2d.world.robot_spec import BodySettings, RobotSpec
 from sim2d.world.state import RobotState
@@ -129,11 +130,11 @@ class RobotBody:
         self._push = (dx_m / _PUSH_S, dy_m / _PUSH_S, turn_rad / _PUSH_S)
         self._push_left = round(_PUSH_S / self._step_s)
 
-    def begin_period(self, period_s: float, drawn: tuple[float, float, float]) -> None:
+    def begin_period(self, drawn: tuple[float, float, float]) -> None:
         """Start a control period: odometry from zero, new slip from three standard normal draws."""
         self._odometry = (0.0, 0.0, 0.0)
         settings = self._settings
-        kept = math.exp(-period_s / _SLIP_TIME_S)
+        kept = math.exp(-CONTROL_PERIOD_S / _SLIP_TIME_S)
         fresh = math.sqrt(1 - kept * kept)
         speed = math.hypot(self._wheels[0], self._wheels[1])
         sizes = (

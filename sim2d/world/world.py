@@ -132,7 +132,7 @@ class World:
         robots = self._physics.robots
         drawn = self._rng.standard_normal((len(robots), 3)).tolist()
         for robot, (a, b, c) in zip(robots.values(), drawn, strict=True):
-            robot.begin_period(CONTROL_PERIOD_S, (a, b, c))
+            robot.begin_period((a, b, c))
         given = [commands.get(index, _STOP) for index in robots]
         orders = [Order(c.forward_mps, c.left_mps, c.turn_rps, c.kick_mps, 0.0, c.dribble, c.pan_rad) for c in given]
         self._events = [event for _ in range(STEPS) for event in self._physics.step(orders, self.t_s)]

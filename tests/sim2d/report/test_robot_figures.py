@@ -28,7 +28,7 @@ def off_by(x_m, theta_rad=0.0):
 
 def log_of(periods, faults=()):
     """Log (truth, belief, command) triples, one a control period."""
-    log = RobotLog(0, 1, 0, PERIOD_S, 1.2, faults)
+    log = RobotLog(0, 1, 0, 1.2, faults)
     for index, (truth, belief, command) in enumerate(periods):
         log.add(index * PERIOD_S, truth, belief, command, index % 4 == 0)
     return log
@@ -102,7 +102,7 @@ def test_a_fault_is_over_once_the_belief_stays_right(fault):
 
 
 def test_nothing_seen_is_nothing_claimed():
-    figures = RobotLog(2, -1, 0, PERIOD_S, 1.2).figures
+    figures = RobotLog(2, -1, 0, 1.2).figures
     assert (figures.frames, figures.median_error_m, figures.right_half_ratio) == (0, None, None)
     assert figures.within_5cm_3deg == figures.lost_ratio == figures.possession == 0.0
 
