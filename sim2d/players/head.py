@@ -29,25 +29,25 @@ from robocup_vision.view import View
 from sim2d.players.plan import Plan
 from sim2d.robot_link import Point, RobotLimits
 
-# Distance moved after which the robot starts a new question, because missed goals may be visible from there.
+# `FieldHalf`: distance moved after which the robot starts a new question, because missed goals may be visible there.
 _ELSEWHERE_M = 0.3
-# Greatest difference from the wanted pan at which a frame counts as a look.
+# `FloorLook`: greatest difference from the wanted pan at which a frame counts as a look.
 _ARRIVED_RAD = 0.15
-# Standard deviation of the position at which it starts to look. On a large field errors are 1.3 times the standard
-# deviation, and at three times this the robot is not located within 15 cm.
+# `PoseLook`: standard deviation of the position at which the robot starts to look. On a large field errors are 1.3
+# times the standard deviation, and at three times this the robot is not located within 15 cm.
 UNSURE_M = 0.035
-# Standard deviation at which it stops looking.
+# Standard deviation at which the robot stops looking.
 SURE_M = 0.0175
 # Least distance of a crossing; nearer ones would soon be below the picture.
 _NEAREST_CROSSING_M = 0.5
-# Durations of watching the ball and of looking for goals, in turn.
+# `Head`: duration of watching the ball and, in turn with it, of looking for goals.
 WATCH_S = 1.5
 # Greatest pan of a sweep; goals are seldom behind.
 _SWEEP_RAD = 1.4
 # Standard deviation of the heading at which the head looks for goals instead of the ball: at three times this the
 # robot is not located within 5 degrees.
 _UNSURE_RAD = 0.03
-# Number of successive frames without a pose after which it also looks for goals: robots crowding around the ball
+# Number of successive frames without a pose after which the head also looks for goals: robots crowding around the ball
 # hide everything else, and a push turns a robot without its odometry noticing.
 UNLOCATED_LOOKS = 6
 # Time after which a planned gaze is computed again.

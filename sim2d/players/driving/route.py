@@ -28,8 +28,6 @@ Key = tuple[int, int]
 
 # numbers of the field's right and left border
 _RIGHT, _LEFT = -1, -2
-
-
 # Distance from the way within which robots count, in addition to their radii.
 _BESIDE_M = 0.12
 # Greatest distance along the way, in radii, of robots in one row.

@@ -22,8 +22,6 @@ from sim2d.robot_link import CONTROL_PERIOD_S, Point, Reason, RobotLimits
 
 # mean distance over which a ball is taken before a kick
 _SHORT_M = 0.35
-
-
 # Greatest motion of a target that keeps its plan.
 _SAME_M = 0.06
 # Greatest time for which other robots are predicted, because their velocities change.

@@ -16,7 +16,7 @@ from sim2d.robot_link import Point, Reason, RobotLimits
 _PLACES = 21
 # Reaction time of other robots after a kick.
 REACTION_S = 0.3
-# The smaller angle is about the scatter of kicks: a shot must be open by at least that to either side. The aim may
+# `_MIN_AIM_RAD` is about the scatter of kicks: a shot must be open by at least that to either side. The aim may
 # be off by half of the open angle, but at least by the smaller angle; if the shot is not open, by the larger one.
 _MAX_AIM_RAD = 0.35
 _MIN_AIM_RAD = 0.06

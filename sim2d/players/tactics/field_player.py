@@ -25,7 +25,8 @@ _STEP_RAD = 1.2
 _BEHIND_BALL_REACHES = 4.0
 # A single supporter stays on the side without the ball, by this part of the ball's distance from the middle.
 _OTHER_SIDE_PART = 0.5
-# While the keeper fetches the ball it waits at this part of the own half, and moves to either side by this part.
+# While the keeper fetches the ball a field player waits at this part of the own half, and moves to either side by
+# this part.
 _WAIT_PART = 0.3
 # Size of the rectangle around whose corners a search leads, relative to the field.
 _SEARCH_PART = 0.4

@@ -11,15 +11,15 @@ from sim2d.players.tactics.field_player import Fetch
 from sim2d.players.tactics.team_field import KEEPER_LINE_RADII, TacticsSettings, TeamField, direction_rad
 from sim2d.robot_link import Point, Reason
 
-# Greatest speed of a ball that it fetches; faster ones are met on the line.
+# Greatest speed of a ball that a keeper fetches; faster ones are met on the line.
 _SLOW_BALL_MPS = 0.6
 # Least speed of a ball that is met where it will cross the line; the direction of a slower one is uncertain.
 _ROLLING_MPS = 0.2
 # Distance from the ball when it blocks, to avoid a foul.
 _BLOCK_ROOM_M = 0.03
-# It stands on the line from the ball to a place this far behind the goal's middle.
+# A keeper stands on the line from the ball to a place this far behind the goal's middle.
 _AIM_DEPTH_M = 0.3
-# Part of the mouth over which it sways without a ball, so that nothing hides the ball for long.
+# Part of the goal's mouth over which it sways without a ball, so that nothing hides the ball for long.
 _SWAY = 0.3
 
 

@@ -14,6 +14,7 @@ from sim2d.players.tactics.team_field import TeamField, direction_rad, offset
 from sim2d.robot_link import Point
 
 # The rules are those of the small-size league.
+
 # Distance from the robot to the ball during a stop and the other team's set pieces: 0.5 m by the rules, plus the
 # error of the ball's place.
 BALL_ROOM_M = 0.57
