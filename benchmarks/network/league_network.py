@@ -45,7 +45,7 @@ from robocup_vision.ssl.values.simulation import (
     RobotControl,
     Team,
 )
-from robocup_vision.ssl.values.tracked import TeamColor, TrackerPacket
+from robocup_vision.ssl.values.tracked import TrackerPacket
 from sim2d.network.league import STEPS_A_FRAME, Channel, LeagueSimulator
 from sim2d.network.realism import REALISMS
 from sim2d.network.server import LeagueServer, Ports
@@ -249,7 +249,7 @@ def measure_tracker(seconds: float, seed: int) -> None:
 def velocity_change(entries: list[LogEntry]) -> float:
     """Return by how much robots' velocities change (RMS) from the newest exposure received at a time to that time."""
     exposed_s, squares = 0.0, []
-    true: dict[int, dict[tuple[TeamColor, int], tuple[float, float]]] = {}
+    true: dict[int, dict[tuple[Team, int], tuple[float, float]]] = {}
     for entry in entries:
         value = entry.value
         if isinstance(value, VisionPacket) and value.detection is not None:

@@ -13,7 +13,6 @@ from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, D
 from robocup_vision.ssl.values.geometry import FieldSize, Geometry
 from robocup_vision.ssl.values.referee import CiInput, CiOutput, Referee, RefereeCommand, Stage, TeamInfo
 from robocup_vision.ssl.values.tracked import (
-    TeamColor,
     TrackedBall,
     TrackedFrame,
     TrackedRobot,
@@ -39,7 +38,7 @@ TRACKED = TrackedFrame(
     1,
     2.0,
     (TrackedBall(Vector3(1.0, 2.0, 0.0)),),
-    (TrackedRobot(TrackedRobotId(3, TeamColor.BLUE), Vector2(1.0, 2.0), 0.5),),
+    (TrackedRobot(TrackedRobotId(3, sim.Team.BLUE), Vector2(1.0, 2.0), 0.5),),
 )
 ERRORS = (sim.SimulatorError("CODE", "words"),)
 COMMAND = sim.RobotCommand(
@@ -70,7 +69,7 @@ EXAMPLES: tuple[Any, ...] = (
     sim.RobotControlResponse(ERRORS, (sim.RobotFeedback(1, True),)),
     sim.SyncRequest(0.01, SIMULATOR, sim.RobotControl((COMMAND,))),
     sim.SyncResponse((FRAME,), sim.RobotControlResponse()),
-    CiInput(5, TrackerPacket("u", None, TRACKED), (), GEOMETRY),
+    CiInput(5, TrackerPacket("u", None, TRACKED), GEOMETRY),
     CiOutput(REFEREE),
     sim.ErForceRealism(0.001, vision_delay_ns=35_000_000, simulate_dribbling=False),
 )

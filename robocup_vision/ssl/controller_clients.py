@@ -7,39 +7,32 @@ that knows a key of that name refuses the registration.
 from __future__ import annotations
 
 import time
-from typing import Generic, TypeVar
 
 from field_models.errors import ArgumentError, PacketError
-from robocup_vision.closing import Closing
-from robocup_vision.ssl.framed import Framed, connect
+from robocup_vision.ssl.framed import TIMEOUT_S, FramedClient
 from robocup_vision.ssl.problems import Problems
-from robocup_vision.ssl.protocol.mapping import decode, encode
+from robocup_vision.ssl.sockets import LOOPBACK
 from robocup_vision.ssl.values.controller import (
     AdvantageChoice,
     AutoRefMessage,
     AutoRefRegistration,
-    AutoRefReply,
+    ControllerMessage,
     ControllerReply,
     RefereeEvent,
     ReplyStatus,
     TeamMessage,
     TeamRegistration,
-    TeamReply,
 )
 from robocup_vision.ssl.values.referee import CiInput, CiOutput, Referee
 from robocup_vision.ssl.values.simulation import Team
 
-AUTOREF_PORT, TEAM_PORT = 10007, 10008
-_TIMEOUT_S = 5.0
+AUTOREF_PORT, TEAM_PORT, CI_PORT = 10007, 10008, 10009
 # replies are read after each message; nobody sends so many at once
 _MAX_REPLIES = 100
 
-R = TypeVar("R", AutoRefReply, TeamReply)
-CI_PORT = 10009
 
-
-class _ControllerClient(Closing, Generic[R]):
-    """A registered connection. Close it, or use it in a ``with``.
+class _ControllerClient(FramedClient):
+    """A registered connection.
 
     Attributes
     ----------
@@ -47,22 +40,16 @@ class _ControllerClient(Closing, Generic[R]):
         What the game controller rejected, and why.
     """
 
-    def __init__(self, name: str, reply: type[R], registration: object, host: str, port: int) -> None:
-        self._name = f"{name} of the game controller at {host}:{port}"
-        self._reply: type[R] = reply
+    def __init__(self, name: str, registration: object, host: str, port: int) -> None:
+        super().__init__(f"{name} of the game controller", host, port)
         self.problems = Problems()
-        self._connection = Framed(self._name, connect(name + " of a game controller", host, port, _TIMEOUT_S))
         try:
             self._must_accept()
-            self._connection.send(encode(registration))
+            super()._send(registration)
             self._must_accept()
         except BaseException:
-            self._connection.close()
+            self.close()
             raise
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._connection.close()
 
     def listen(self) -> None:
         """Read the replies that have come; what was rejected is added to `problems`.
@@ -81,17 +68,17 @@ class _ControllerClient(Closing, Generic[R]):
             if reply.status == ReplyStatus.REJECTED:
                 self.problems.add(f"{self._name} rejects: {reply.reason}")
 
-    def _send(self, message: object) -> None:
+    def _send(self, value: object) -> None:
         self.listen()
-        self._connection.send(encode(message))
+        super()._send(value)
 
     def _next(self, wait_s: float) -> ControllerReply | None:
-        data = self._connection.receive(wait_s)
-        return None if data is None else decode(self._reply, data).reply or ControllerReply()
+        message = self._receive(ControllerMessage, wait_s)
+        return None if message is None else message.reply or ControllerReply()
 
     def _must_accept(self) -> None:
         try:
-            reply = self._next(_TIMEOUT_S)
+            reply = self._next(TIMEOUT_S)
         except PacketError as error:
             raise ArgumentError(f"{self._name}: {error}") from None
         if reply is None:
@@ -100,7 +87,7 @@ class _ControllerClient(Closing, Generic[R]):
             raise ArgumentError(f"{self._name} refuses: {reply.reason}")
 
 
-class AutoRefClient(_ControllerClient[AutoRefReply]):
+class AutoRefClient(_ControllerClient):
     """Tells a game controller what an automatic referee sees.
 
     Raises
@@ -109,8 +96,8 @@ class AutoRefClient(_ControllerClient[AutoRefReply]):
         If there is no connection, or the game controller refuses it.
     """
 
-    def __init__(self, identifier: str, host: str = "127.0.0.1", port: int = AUTOREF_PORT) -> None:
-        super().__init__("the port for referees", AutoRefReply, AutoRefRegistration(identifier), host, port)
+    def __init__(self, identifier: str, host: str = LOOPBACK, port: int = AUTOREF_PORT) -> None:
+        super().__init__("the port for referees", AutoRefRegistration(identifier), host, port)
 
     def tell(self, event: RefereeEvent) -> None:
         """Tell an event.
@@ -123,7 +110,7 @@ class AutoRefClient(_ControllerClient[AutoRefReply]):
         self._send(AutoRefMessage(event))
 
 
-class TeamPortClient(_ControllerClient[TeamReply]):
+class TeamPortClient(_ControllerClient):
     """Tells a game controller what a team wants.
 
     Parameters
@@ -137,8 +124,8 @@ class TeamPortClient(_ControllerClient[TeamReply]):
         If there is no connection, or the game controller refuses it.
     """
 
-    def __init__(self, team_name: str, team: Team, host: str = "127.0.0.1", port: int = TEAM_PORT) -> None:
-        super().__init__("the port for teams", TeamReply, TeamRegistration(team_name, team), host, port)
+    def __init__(self, team_name: str, team: Team, host: str = LOOPBACK, port: int = TEAM_PORT) -> None:
+        super().__init__("the port for teams", TeamRegistration(team_name, team), host, port)
 
     def change_keeper(self, number: int) -> None:
         """Ask for another goalkeeper, by its number; refused while the ball is in play in the own half."""
@@ -157,13 +144,8 @@ class TeamPortClient(_ControllerClient[TeamReply]):
         self._send(TeamMessage(ping=True))
 
 
-class CiClient(Closing):
-    """A connection to a game controller. Close it, or use it in a ``with``.
-
-    Parameters
-    ----------
-    timeout_s : float
-        For the connection, and for what is sent.
+class CiClient(FramedClient):
+    """A connection to a game controller that was started for continuous integration.
 
     Raises
     ------
@@ -171,13 +153,8 @@ class CiClient(Closing):
         If there is no connection.
     """
 
-    def __init__(self, host: str = "127.0.0.1", port: int = CI_PORT, timeout_s: float = 5.0) -> None:
-        name = "a game controller"
-        self._connection = Framed(f"the game controller at {host}:{port}", connect(name, host, port, timeout_s))
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._connection.close()
+    def __init__(self, host: str = LOOPBACK, port: int = CI_PORT) -> None:
+        super().__init__("the game controller", host, port)
 
     def exchange(self, value: CiInput, wait_s: float = 1.0) -> list[Referee]:
         """Send an input, wait for an answer at most so long, and return all packets that have come.
@@ -192,13 +169,12 @@ class CiClient(Closing):
         PacketError
             If what comes is no packet of a game controller, or larger than 8 MB.
         """
-        self._connection.send(encode(value))
+        self._send(value)
         end_s = time.monotonic() + wait_s
         packets: list[Referee] = []
         while True:
-            frame = self._connection.receive(0.0 if packets else max(end_s - time.monotonic(), 0.0))
-            if frame is None:
+            output = self._receive(CiOutput, 0.0 if packets else max(end_s - time.monotonic(), 0.0))
+            if output is None:
                 return packets
-            referee = decode(CiOutput, frame).referee
-            if referee is not None:
-                packets.append(referee)
+            if output.referee is not None:
+                packets.append(output.referee)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import socket
 import time
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar
 
 from field_models.errors import PacketError
 from robocup_vision.closing import Closing
@@ -15,6 +15,7 @@ from robocup_vision.ssl.protocol.mapping import decode
 from robocup_vision.ssl.sockets import Address, await_datagram, take_newest, wait_for_datagram
 
 T = TypeVar("T")
+R = TypeVar("R")
 
 
 class DatagramClient(Closing, Generic[T]):
@@ -51,13 +52,13 @@ class DatagramClient(Closing, Generic[T]):
 
     def receive(self, timeout_s: float | None = None) -> T | None:
         """Return the next message, or None after a time (None: wait on)."""
-        return cast("T | None", self._receive(self._value, timeout_s))
+        return self._receive(self._value, timeout_s)
 
     async def receive_async(self, timeout_s: float | None = None) -> T | None:
         """As `receive`, for asyncio."""
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
         while (datagram := await await_datagram(self._socket, deadline_s)) is not None:
-            message: T | None = self._take(self._value, *datagram)
+            message = self._take(self._value, *datagram)
             if message is not None:
                 return message
         return None
@@ -69,17 +70,17 @@ class DatagramClient(Closing, Generic[T]):
         messages = [self._take(self._value, *datagram) for datagram in waiting]
         return [message for message in messages if message is not None]
 
-    def _receive(self, value: type, timeout_s: float | None) -> Any:
+    def _receive(self, kind: type[R], timeout_s: float | None) -> R | None:
         deadline_s = None if timeout_s is None else time.monotonic() + timeout_s
         while (datagram := wait_for_datagram(self._socket, deadline_s)) is not None:
-            message = self._take(value, *datagram)
+            message = self._take(kind, *datagram)
             if message is not None:
                 return message
         return None
 
-    def _take(self, value: type, data: bytes, sender: Address) -> Any:
+    def _take(self, kind: type[R], data: bytes, sender: Address) -> R | None:
         try:
-            message: Any = decode(value, data)
+            message = decode(kind, data)
         except PacketError as error:
             self.bad_datagrams += 1
             self.last_problem = str(error)

@@ -1,19 +1,27 @@
-"""A TCP connection whose messages come after their size as a varint, as the league's game controller speaks."""
+"""TCP connections whose messages come after their size as a varint, as the league's game controller speaks."""
 
 from __future__ import annotations
 
 import select
 import socket
 import time
+from typing import TypeVar
 
 from field_models.errors import ArgumentError, PacketError
+from robocup_vision.closing import Closing
+from robocup_vision.ssl.protocol.mapping import decode, encode
+from robocup_vision.ssl.sockets import error_words
 
+#: for a connection, for what is sent, and for an answer that must come
+TIMEOUT_S = 5.0
 # no message of the league is nearly as large: whoever announces more is no peer
 MAX_FRAME_BYTES = 8 * 1024 * 1024
-_CHUNK_BYTES = 1 << 16
+CHUNK_BYTES = 1 << 16
+
+T = TypeVar("T")
 
 
-def connect(name: str, host: str, port: int, timeout_s: float) -> socket.socket:
+def connect(name: str, host: str, port: int) -> socket.socket:
     """Return a connection that sends at once.
 
     Raises
@@ -22,59 +30,52 @@ def connect(name: str, host: str, port: int, timeout_s: float) -> socket.socket:
         If there is none; `name` says to whom.
     """
     try:
-        made = socket.create_connection((host, port), timeout_s)
+        made = socket.create_connection((host, port), TIMEOUT_S)
     except (OSError, OverflowError) as error:
-        words = getattr(error, "strerror", None) or error
-        raise ArgumentError(f"cannot reach {name} at {host}:{port}: {words}") from None
+        raise ArgumentError(f"cannot reach {name} at {host}:{port}: {error_words(error)}") from None
     made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return made
 
 
-class Framed:
-    """Sends and receives whole messages over a connected socket.
+class FramedClient(Closing):
+    """Sends and receives values over a connection. Close it, or use it in a ``with``.
 
     Parameters
     ----------
     name : str
         Of the other side, for errors.
-    connected : socket.socket
-        The connection; it is closed with this.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no connection.
     """
 
-    def __init__(self, name: str, connected: socket.socket) -> None:
-        self._name, self._socket = name, connected
+    def __init__(self, name: str, host: str, port: int) -> None:
+        self._name = f"{name} at {host}:{port}"
+        self._socket = connect(name, host, port)
         self._buffer = bytearray()
 
     def close(self) -> None:
         """Close the connection."""
         self._socket.close()
 
-    def fileno(self) -> int:
-        """Return the socket's number."""
-        return self._socket.fileno()
-
-    def send(self, data: bytes) -> None:
-        """Send a message.
-
-        Raises
-        ------
-        ArgumentError
-            If the connection is lost.
-        """
+    def _send(self, value: object) -> None:
+        data = encode(value)
         try:
             self._socket.sendall(varint(len(data)) + data)
         except OSError as error:
-            raise ArgumentError(f"{self._name} is gone: {error.strerror or error}") from None
+            raise ArgumentError(f"{self._name} is gone: {error_words(error)}") from None
 
-    def receive(self, wait_s: float) -> bytes | None:
-        """Return the next message, or None after a time.
+    def _receive(self, kind: type[T], wait_s: float) -> T | None:
+        """Return the next value, or None after a time.
 
         Raises
         ------
         ArgumentError
             If the connection is lost.
         PacketError
-            If what comes is no message, or larger than 8 MB.
+            If what comes is no such value, or larger than 8 MB.
         """
         end_s = time.monotonic() + wait_s
         while (frame := take_frame(self._buffer)) is None:
@@ -82,13 +83,13 @@ class Framed:
             if not ready:
                 return None
             self._read()
-        return frame
+        return decode(kind, frame)
 
     def _read(self) -> None:
         try:
-            data = self._socket.recv(_CHUNK_BYTES)
+            data = self._socket.recv(CHUNK_BYTES)
         except OSError as error:
-            raise ArgumentError(f"{self._name} is gone: {error.strerror or error}") from None
+            raise ArgumentError(f"{self._name} is gone: {error_words(error)}") from None
         if not data:
             raise ArgumentError(f"{self._name} has closed the connection")
         self._buffer += data

@@ -97,14 +97,7 @@ class Game:
     ------
     ArgumentError
         If the team is neither.
-
-    Attributes
-    ----------
-    known_commands : frozenset of RefereeCommand
-        All others are a halt.
     """
-
-    known_commands = frozenset(_COMMANDS)
 
     def __init__(self, team: Team, settings: GameSettings = GameSettings()) -> None:
         if team not in (Team.YELLOW, Team.BLUE):
@@ -189,7 +182,7 @@ class Game:
             next_turn == self._team,
             None if left_us is None else left_us / 1e6,
             own.can_place_ball is not False,
-            "" if packet.command in _COMMANDS else str(packet.command),
+            "" if packet.command.is_known else str(packet.command),
         )
 
     def _watch_kick(self, t_s: float, ball_m: tuple[float, float] | None) -> None:

@@ -17,7 +17,8 @@ from robocup_vision.geometry import wrap_angle
 from robocup_vision.ssl.log import LogEntry, Unreadable, readable
 from robocup_vision.ssl.tracker import OverheadTracker
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
-from robocup_vision.ssl.values.tracked import TeamColor, TrackedFrame, TrackedRobot, TrackerPacket
+from robocup_vision.ssl.values.simulation import Team
+from robocup_vision.ssl.values.tracked import TrackedFrame, TrackedRobot, TrackerPacket
 
 # a ball without a detection for this time is hidden
 _HIDDEN_S = 0.1
@@ -123,7 +124,7 @@ class _Run:
     def __init__(self, tracker: OverheadTracker) -> None:
         self._tracker = tracker
         self._sums = _Sums()
-        self._robots: dict[tuple[TeamColor, int], tuple[float, float, float]] = {}
+        self._robots: dict[tuple[Team, int], tuple[float, float, float]] = {}
         self._ball: tuple[float, float] | None = None
         self._begin_s: float | None = None
         self._ball_seen_s = -math.inf
@@ -144,7 +145,7 @@ class _Run:
             truth = min(self._truths, key=lambda known: abs(known.t_s - frame.t_capture_s))
             if abs(truth.t_s - frame.t_capture_s) < _SAME_TIME_S:
                 self._compare_exposure(frame, truth)
-        for color, robots in ((TeamColor.YELLOW, frame.yellow), (TeamColor.BLUE, frame.blue)):
+        for color, robots in ((Team.YELLOW, frame.yellow), (Team.BLUE, frame.blue)):
             for robot in robots:
                 if robot.robot_id is not None:
                     self._robots[color, robot.robot_id] = (robot.x_m, robot.y_m, robot.orientation_rad or 0.0)
@@ -176,7 +177,7 @@ class _Run:
         sums, past_s = self._sums, frame.t_capture_s - truth.t_s
         true = {(robot.robot.team, robot.robot.number): robot for robot in truth.robots}
         ours = {(robot.robot.team, robot.robot.number): robot for robot in self._tracker.at(frame.t_capture_s).robots}
-        for color, robots in ((TeamColor.YELLOW, frame.yellow), (TeamColor.BLUE, frame.blue)):
+        for color, robots in ((Team.YELLOW, frame.yellow), (Team.BLUE, frame.blue)):
             for robot in robots:
                 key = color, robot.robot_id or 0
                 known, moving = ours.get(key), true.get(key)

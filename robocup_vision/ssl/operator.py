@@ -14,7 +14,8 @@ from typing import Any
 
 from field_models.errors import ArgumentError, RobocupVisionError
 from robocup_vision.closing import Closing
-from robocup_vision.ssl.framed import connect
+from robocup_vision.ssl.framed import TIMEOUT_S, connect
+from robocup_vision.ssl.sockets import LOOPBACK
 
 OPERATOR_PORT = 8081
 # what a person would press, as soon as it is offered
@@ -25,7 +26,6 @@ _NOT_OFFERED = frozenset({"DISABLED", "WAITING"})
 _SOON_S, _AT_LAST_S, _AGAIN_S = 1.0, 15.0, 2.0
 # the page's messages are of some hundred kilobytes at most
 _MAX_BYTES = 16 * 1024 * 1024
-_TIMEOUT_S = 5.0
 
 
 class Operator(Closing):
@@ -44,7 +44,7 @@ class Operator(Closing):
         If websockets is not installed.
     """
 
-    def __init__(self, host: str = "127.0.0.1", port: int = OPERATOR_PORT, division: str | None = None) -> None:
+    def __init__(self, host: str = LOOPBACK, port: int = OPERATOR_PORT, division: str | None = None) -> None:
         try:
             from websockets.exceptions import ConnectionClosed, WebSocketException
             from websockets.sync import client
@@ -54,11 +54,11 @@ class Operator(Closing):
             ) from None
         self._name, self._closed = f"the game controller's page at {host}:{port}", ConnectionClosed
         self._opened = ExitStack()
-        connected = connect("the game controller's page", host, port, _TIMEOUT_S)
+        connected = connect("the game controller's page", host, port)
         uri = f"ws://{host}:{port}/api/control"
         try:
             opening = client.connect(
-                uri, sock=connected, open_timeout=_TIMEOUT_S, close_timeout=1.0, max_size=_MAX_BYTES
+                uri, sock=connected, open_timeout=TIMEOUT_S, close_timeout=1.0, max_size=_MAX_BYTES
             )
             self._socket = self._opened.enter_context(opening)
         except (WebSocketException, OSError) as error:

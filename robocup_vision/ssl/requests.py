@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Sequence
-from typing import TypeVar, cast
+from typing import TypeVar
 
 from field_models.errors import ArgumentError
-from robocup_vision.closing import Closing
 from robocup_vision.ssl.datagrams import DatagramClient
-from robocup_vision.ssl.framed import Framed, connect
-from robocup_vision.ssl.protocol.mapping import decode, encode
-from robocup_vision.ssl.sockets import BLUE_PORT, LOOPBACK, SIMULATION_PORT, YELLOW_PORT
+from robocup_vision.ssl.framed import FramedClient
+from robocup_vision.ssl.protocol.mapping import encode
+from robocup_vision.ssl.sockets import BLUE_PORT, LOOPBACK, SIMULATION_PORT, YELLOW_PORT, error_words
 from robocup_vision.ssl.values.simulation import (
     RobotCommand,
     RobotControl,
@@ -27,7 +26,7 @@ from robocup_vision.ssl.values.simulation import (
     TeleportRobot,
 )
 
-_CONNECT_S = 5.0
+ROBOT_PORTS = {Team.YELLOW: YELLOW_PORT, Team.BLUE: BLUE_PORT}
 
 T = TypeVar("T")
 
@@ -49,11 +48,11 @@ class _Client(DatagramClient[T]):
             self._socket.connect((host, port))
         except (OSError, OverflowError) as error:
             self._socket.close()
-            raise ArgumentError(f"cannot reach {host}:{port}: {getattr(error, 'strerror', None) or error}") from None
+            raise ArgumentError(f"cannot reach {host}:{port}: {error_words(error)}") from None
 
     def _ask_step(self, request: SyncRequest, timeout_s: float) -> SyncResponse | None:
         self._send(request)
-        return cast("SyncResponse | None", self._receive(SyncResponse, timeout_s))
+        return self._receive(SyncResponse, timeout_s)
 
     def _send(self, value: object) -> None:
         data = encode(value)
@@ -63,7 +62,7 @@ class _Client(DatagramClient[T]):
             # is about the datagram before this one: nobody listened then
             self._socket.send(data)
         except OSError as error:
-            raise ArgumentError(f"cannot send to {self._host}:{self._port}: {error.strerror or error}") from None
+            raise ArgumentError(f"cannot send to {self._host}:{self._port}: {error_words(error)}") from None
 
 
 class RobotClient(_Client[RobotControlResponse]):
@@ -83,9 +82,9 @@ class RobotClient(_Client[RobotControlResponse]):
     """
 
     def __init__(self, team: Team, host: str = LOOPBACK, port: int | None = None) -> None:
-        if team not in (Team.YELLOW, Team.BLUE):
+        if team not in ROBOT_PORTS:
             raise ArgumentError(f"team must be yellow or blue, got {team!r}")
-        super().__init__(RobotControlResponse, host, port or (YELLOW_PORT if team == Team.YELLOW else BLUE_PORT))
+        super().__init__(RobotControlResponse, host, port or ROBOT_PORTS[team])
 
     def send(self, commands: Sequence[RobotCommand]) -> None:
         """Send commands, at most one a robot. A robot without one for 0.1 s stands still.
@@ -102,7 +101,7 @@ class RobotClient(_Client[RobotControlResponse]):
         return self._ask_step(SyncRequest(step_s, robot_control=RobotControl(tuple(commands))), timeout_s)
 
 
-class SyncClient(Closing):
+class SyncClient(FramedClient):
     """Steps a simulator over a connection (TCP), as the league's draft has it. Close it, or use it in a ``with``.
 
     Parameters
@@ -119,15 +118,10 @@ class SyncClient(Closing):
     """
 
     def __init__(self, team: Team | None = None, host: str = LOOPBACK, port: int | None = None) -> None:
-        usual = {Team.YELLOW: YELLOW_PORT, Team.BLUE: BLUE_PORT, None: SIMULATION_PORT}
-        if team not in usual:
+        if team is not None and team not in ROBOT_PORTS:
             raise ArgumentError(f"team must be yellow, blue or None, got {team!r}")
-        port = port or usual[team]
-        self._connection = Framed(f"the simulator at {host}:{port}", connect("a simulator", host, port, _CONNECT_S))
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._connection.close()
+        usual = SIMULATION_PORT if team is None else ROBOT_PORTS[team]
+        super().__init__("the simulator", host, port or usual)
 
     def step(
         self,
@@ -146,11 +140,11 @@ class SyncClient(Closing):
             If a number does not fit into its field, or what comes is no answer.
         """
         control = RobotControl(tuple(commands)) if commands else None
-        self._connection.send(encode(SyncRequest(step_s, command, control)))
-        data = self._connection.receive(timeout_s)
-        if data is None:
+        self._send(SyncRequest(step_s, command, control))
+        response = self._receive(SyncResponse, timeout_s)
+        if response is None:
             raise ArgumentError(f"the simulator has not answered for {timeout_s:g} s")
-        return decode(SyncResponse, data)
+        return response
 
 
 class SimulatorClient(_Client[SimulatorResponse]):

@@ -21,6 +21,8 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
+Address = tuple[str, int]
+
 LOOPBACK = "127.0.0.1"
 VISION_GROUP, VISION_PORT, SIMULATED_VISION_PORT = "224.5.23.2", 10006, 10020
 TRACKER_GROUP, TRACKER_PORT = "224.5.23.2", 10010
@@ -87,7 +89,7 @@ def multicast_receiver(group: str, port: int, interface: str = "loopback") -> so
             made.setsockopt(socket.IPPROTO_IP, _IP_MULTICAST_ALL, 0)
     except (OSError, OverflowError) as error:
         made.close()
-        raise ArgumentError(f"cannot listen to {group}:{port} on {interface}: {_words(error)}") from None
+        raise ArgumentError(f"cannot listen to {group}:{port} on {interface}: {error_words(error)}") from None
     return made
 
 
@@ -118,7 +120,7 @@ def multicast_sender(interface: str = "loopback", *groups: str) -> socket.socket
             made.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
     except OSError as error:
         made.close()
-        raise ArgumentError(f"cannot send on {interface}: {_words(error)}") from None
+        raise ArgumentError(f"cannot send on {interface}: {error_words(error)}") from None
     return made
 
 
@@ -138,11 +140,8 @@ def server(port: int, interface: str = "loopback") -> socket.socket:
         made.bind((address, port))
     except (OSError, OverflowError) as error:
         made.close()
-        raise ArgumentError(f"cannot listen on {address}:{port}: {_words(error)}") from None
+        raise ArgumentError(f"cannot listen on {address}:{port}: {error_words(error)}") from None
     return made
-
-
-Address = tuple[str, int]
 
 
 def wait_for_datagram(listening: socket.socket, deadline_s: float | None) -> tuple[bytes, Address] | None:
@@ -222,5 +221,6 @@ def _socket() -> socket.socket:
     return made
 
 
-def _words(error: Exception) -> str:
+def error_words(error: Exception) -> str:
+    """Return what the system says of an error, without its number."""
     return str(getattr(error, "strerror", None) or error)

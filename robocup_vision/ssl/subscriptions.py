@@ -6,7 +6,6 @@ Bad datagrams are counted and passed over: anybody can send anything to a group.
 from __future__ import annotations
 
 import time
-from typing import TypeVar
 
 from robocup_vision.ssl.datagrams import DatagramClient
 from robocup_vision.ssl.overview import MAX_CAMERAS, CameraMerge, Overview
@@ -26,28 +25,8 @@ from robocup_vision.ssl.values.geometry import Geometry
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.tracked import TrackerPacket
 
-T = TypeVar("T")
 
-
-class Subscription(DatagramClient[T]):
-    """Listens to a multicast group; see `DatagramClient`.
-
-    Parameters
-    ----------
-    interface : str
-        ``loopback``, a network interface's name or its IPv4 address.
-
-    Raises
-    ------
-    ArgumentError
-        If the interface or the port cannot be had.
-    """
-
-    def __init__(self, value: type[T], group: str, port: int, interface: str = "loopback") -> None:
-        super().__init__(value, multicast_receiver(group, port, interface))
-
-
-class VisionClient(Subscription[VisionPacket]):
+class VisionClient(DatagramClient[VisionPacket]):
     """Listens to a vision system, and merges what its cameras send.
 
     Each camera's frames are those of one sender, until that has been silent for a second: of two systems that both have
@@ -60,7 +39,7 @@ class VisionClient(Subscription[VisionPacket]):
     """
 
     def __init__(self, port: int = VISION_PORT, interface: str = "loopback", group: str = VISION_GROUP) -> None:
-        super().__init__(VisionPacket, group, port, interface)
+        super().__init__(VisionPacket, multicast_receiver(group, port, interface))
         self._merge = CameraMerge()
         self._senders: dict[int, SourceChoice] = {}
 
@@ -92,14 +71,14 @@ class VisionClient(Subscription[VisionPacket]):
         return True
 
 
-class TrackerClient(Subscription[TrackerPacket]):
+class TrackerClient(DatagramClient[TrackerPacket]):
     """Listens to trackers. Several may send; a packet's `uuid` identifies the sender."""
 
     def __init__(self, port: int = TRACKER_PORT, interface: str = "loopback", group: str = TRACKER_GROUP) -> None:
-        super().__init__(TrackerPacket, group, port, interface)
+        super().__init__(TrackerPacket, multicast_receiver(group, port, interface))
 
 
-class RefereeClient(Subscription[Referee]):
+class RefereeClient(DatagramClient[Referee]):
     """Listens to the game controller: to one, until it has been silent for a second; packets of others are left out.
 
     Attributes
@@ -109,7 +88,7 @@ class RefereeClient(Subscription[Referee]):
     """
 
     def __init__(self, port: int = REFEREE_PORT, interface: str = "loopback", group: str = REFEREE_GROUP) -> None:
-        super().__init__(Referee, group, port, interface)
+        super().__init__(Referee, multicast_receiver(group, port, interface))
         self._choice = SourceChoice("referee packets")
         self.newest: Referee | None = None
         self.sender: Address | None = None

@@ -21,8 +21,8 @@ from robocup_vision.ssl.motion_filter import MotionFilter, MotionFilterSettings
 from robocup_vision.ssl.problems import Problems
 from robocup_vision.ssl.steady_clock import SteadyClock
 from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, DetectionRobot, finite_frame
+from robocup_vision.ssl.values.simulation import Team
 from robocup_vision.ssl.values.tracked import (
-    TeamColor,
     TrackedBall,
     TrackedFrame,
     TrackedRobot,
@@ -131,7 +131,7 @@ class _RobotTrack(_UnusedDetections):
         self.doubted = []
 
 
-RobotKey = tuple[TeamColor, int]
+RobotKey = tuple[Team, int]
 
 
 class OverheadTracker:
@@ -160,7 +160,7 @@ class OverheadTracker:
         for words in left_out:
             self.problems.add(f"camera {frame.camera_id} sends what is no number", words)
         seen: dict[RobotKey, DetectionRobot] = {}
-        for color, robots in ((TeamColor.YELLOW, frame.yellow), (TeamColor.BLUE, frame.blue)):
+        for color, robots in ((Team.YELLOW, frame.yellow), (Team.BLUE, frame.blue)):
             for robot in robots:
                 if robot.robot_id is None:
                     continue

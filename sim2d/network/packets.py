@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from robocup_vision.ssl.values.geometry import FloorPoint
 from robocup_vision.ssl.values.referee import (
-    DesignatedPosition,
     MatchType,
     Referee,
     RefereeCommand,
@@ -18,7 +18,6 @@ from robocup_vision.ssl.values.simulation import Team
 from robocup_vision.ssl.values.tracked import (
     Capability,
     KickedBall,
-    TeamColor,
     TrackedBall,
     TrackedFrame,
     TrackedRobot,
@@ -36,7 +35,6 @@ from sim2d.world.state import BallState, RobotState
 # the same in every run, so that a reader of a log identifies the truth
 TRUTH_UUID, TRUTH_SOURCE = "sim2d-truth", "sim2d"
 REFEREE_SOURCE = "sim2d"
-TEAM_COLORS = {Team.YELLOW: TeamColor.YELLOW, Team.BLUE: TeamColor.BLUE}
 US_PER_S, NS_PER_S = 1e6, 1e9
 _HALF_US = 300_000_000
 _STAGES = {
@@ -71,7 +69,7 @@ def tracked_frame(
     """Return a moment as a tracker tells it; yellow is side +1, which attacks the goal at +x, or -1."""
     tracked = tuple(
         TrackedRobot(
-            TrackedRobotId(robot.number, TeamColor.YELLOW if robot.side == yellow_side else TeamColor.BLUE),
+            TrackedRobotId(robot.number, Team.YELLOW if robot.side == yellow_side else Team.BLUE),
             Vector2(robot.pose.x_m, robot.pose.y_m),
             robot.pose.theta_rad,
             Vector2(*robot.velocity_mps),
@@ -112,7 +110,7 @@ def _kicked_ball(kick: Kick, epoch_s: float) -> KickedBall:
         epoch_s + kick.t_s,
         stop_s,
         stop_m,
-        TrackedRobotId(kick.number, TEAM_COLORS[kick.team]),
+        TrackedRobotId(kick.number, kick.team),
     )
 
 
@@ -164,7 +162,7 @@ def match_packet(referee: LeagueReferee, epoch_s: float, t_s: float, players: in
         yellow=teams[0],
         blue=teams[1],
         stage_time_left_us=round((referee.stage_end_s - t_s) * US_PER_S),
-        designated_position=None if place is None else DesignatedPosition(*place),
+        designated_position=None if place is None else FloorPoint(*place),
         blue_on_positive_half=True,
         next_command=None if coming is None else COMMANDS[NEXT[coming.kind]][coming.side < 0],
         action_time_left_us=None if left_s is None else round(left_s * US_PER_S),

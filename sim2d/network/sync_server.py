@@ -9,12 +9,12 @@ import socket
 from collections.abc import Callable, Iterable
 
 from field_models.errors import ArgumentError, PacketError
-from robocup_vision.ssl.framed import take_frame, varint
+from robocup_vision.ssl.framed import CHUNK_BYTES, take_frame, varint
+from robocup_vision.ssl.sockets import error_words
 from robocup_vision.ssl.values.simulation import Team
 
 # a team, its opponent and a referee need three
 _MAX_CONNECTIONS = 8
-_CHUNK_BYTES = 1 << 16
 _SEND_S = 0.2
 
 Answer = Callable[[Team | None, bytes], bytes]
@@ -51,8 +51,7 @@ class SyncServer:
                     made.listen(_MAX_CONNECTIONS)
                 except (OSError, OverflowError) as error:
                     self.close()
-                    words = getattr(error, "strerror", None) or error
-                    raise ArgumentError(f"cannot listen on {address}:{port}: {words}") from None
+                    raise ArgumentError(f"cannot listen on {address}:{port}: {error_words(error)}") from None
 
     @property
     def sockets(self) -> tuple[socket.socket, ...]:
@@ -72,7 +71,7 @@ class SyncServer:
             return
         team, buffer = self._connected[ready]
         try:
-            data = ready.recv(_CHUNK_BYTES)
+            data = ready.recv(CHUNK_BYTES)
             if not data:
                 self._drop(ready)
                 return

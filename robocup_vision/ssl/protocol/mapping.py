@@ -12,6 +12,7 @@ later version of the league's files may have is a member too (`OpenEnum`).
 
 from __future__ import annotations
 
+import dataclasses
 import re
 import types
 import typing
@@ -19,7 +20,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from functools import cache
-from typing import Any, NamedTuple, TypeVar, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, cast
 
 from field_models.errors import PacketError, RobocupVisionError
 
@@ -31,6 +32,12 @@ except ImportError:
     raise RobocupVisionError(
         "the small-size league's messages need protobuf, which is not installed: pip install 'robocup-vision[ssl]'"
     ) from None
+
+if TYPE_CHECKING:
+    from typing import dataclass_transform
+else:
+    # it is for type checkers alone, and Python 3.10 has none
+    dataclass_transform = lambda **_: lambda decorator: decorator  # noqa: E731
 
 _PACKAGE = "robocup_vision"
 _Proto = descriptor_pb2.FieldDescriptorProto
@@ -89,12 +96,21 @@ class _Field(NamedTuple):
     layout: tuple[int, str, type]  # number, protobuf type, class
 
 
+@dataclass(frozen=True, slots=True)
+class Message:
+    """What all values of messages have."""
+
+    unknown: bytes = dataclasses.field(default=b"", kw_only=True)  #: fields of the message that the class does not have
+
+
+@dataclass_transform(frozen_default=True)
 def message_value(name: str) -> Callable[[type[T]], type[T]]:
-    """Return a class decorator that names the message of a frozen value, e.g. ``vision.SSL_DetectionBall``."""
+    """Return a decorator that makes a class a frozen value and names its message, e.g. ``vision.SSL_DetectionBall``."""
 
     def decorate(cls: type[T]) -> type[T]:
-        _NAMES[cls] = name
-        return cls
+        value = dataclass(frozen=True, slots=True)(cls)
+        _NAMES[value] = name
+        return value
 
     return decorate
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
-from robocup_vision.ssl.protocol.mapping import OpenEnum, Wire, message_value
+from robocup_vision.ssl.protocol.mapping import Message, OpenEnum, Wire, message_value
 from robocup_vision.ssl.values.simulation import Team
 
 
@@ -42,53 +41,51 @@ class AdvantageChoice(OpenEnum):
 
 
 @message_value("controller.ControllerReply")
-@dataclass(frozen=True, slots=True)
-class ControllerReply:
+class ControllerReply(Message):
     """What the game controller replies to each message; `reason` says why it rejected one."""
 
     status: Annotated[ReplyStatus | None, Wire(1, "status_code")] = None
     reason: Annotated[str | None, Wire(2)] = None
     next_token: Annotated[str | None, Wire(3)] = None
-    unknown: bytes = b""
+
+
+@message_value("controller.ControllerToClient")
+class ControllerMessage(Message):
+    """A message of the game controller: to an automatic referee and to a team it is laid out alike."""
+
+    reply: Annotated[ControllerReply | None, Wire(1, "controller_reply")] = None
 
 
 @message_value("controller.Vector2")
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(Message):
     """A point of the floor, field frame, metres."""
 
     x_m: Annotated[float, Wire(1, "x")]
     y_m: Annotated[float, Wire(2, "y")]
-    unknown: bytes = b""
 
 
 @message_value("controller.ByRobot")
-@dataclass(frozen=True, slots=True)
-class ByRobot:
+class ByRobot(Message):
     """Which robot did something, where, and by how much: m/s or metres."""
 
     team: Annotated[Team, Wire(1, "by_team")]
     number: Annotated[int | None, Wire(2, "by_bot")] = None
     place: Annotated[Place | None, Wire(3, "location")] = None
     amount: Annotated[float | None, Wire(4)] = None
-    unknown: bytes = b""
 
 
 @message_value("controller.PlacementSucceeded")
-@dataclass(frozen=True, slots=True)
-class PlacementSucceeded:
+class PlacementSucceeded(Message):
     """A team has placed the ball: in which time, how near to its place, and how far it was."""
 
     team: Annotated[Team, Wire(1, "by_team")]
     took_s: Annotated[float | None, Wire(2, "time_taken")] = None
     off_m: Annotated[float | None, Wire(3, "precision")] = None
     distance_m: Annotated[float | None, Wire(4, "distance")] = None
-    unknown: bytes = b""
 
 
 @message_value("controller.Goal")
-@dataclass(frozen=True, slots=True)
-class Goal:
+class Goal(Message):
     """The ball is in a goal: for which team, kicked by whom, and how high it flew at most."""
 
     team: Annotated[Team, Wire(1, "by_team")]
@@ -97,12 +94,10 @@ class Goal:
     place: Annotated[Place | None, Wire(3, "location")] = None
     max_height_m: Annotated[float | None, Wire(5, "max_ball_height")] = None
     robots: Annotated[int | None, Wire(7, "num_robots_by_team")] = None
-    unknown: bytes = b""
 
 
 @message_value("controller.GameEvent")
-@dataclass(frozen=True, slots=True)
-class RefereeEvent:
+class RefereeEvent(Message):
     """Something that an automatic referee has seen: its kind, when (microseconds since 1970), and one of the fields."""
 
     kind: Annotated[EventKind | None, Wire(40, "type")] = None
@@ -118,7 +113,6 @@ class RefereeEvent:
     defender_too_close_to_kick_point: Annotated[ByRobot | None, Wire(29)] = None
     defender_in_defense_area: Annotated[ByRobot | None, Wire(31)] = None
     possible_goal: Annotated[Goal | None, Wire(39)] = None
-    unknown: bytes = b""
 
 
 def referee_event(kind: EventKind, what: ByRobot | PlacementSucceeded | Goal, time_us: int) -> RefereeEvent:
@@ -127,58 +121,32 @@ def referee_event(kind: EventKind, what: ByRobot | PlacementSucceeded | Goal, ti
 
 
 @message_value("controller.AutoRefRegistration")
-@dataclass(frozen=True, slots=True)
-class AutoRefRegistration:
+class AutoRefRegistration(Message):
     """The first message of an automatic referee."""
 
     identifier: Annotated[str, Wire(1)]
-    unknown: bytes = b""
 
 
 @message_value("controller.AutoRefToController")
-@dataclass(frozen=True, slots=True)
-class AutoRefMessage:
+class AutoRefMessage(Message):
     """A message of an automatic referee."""
 
     event: Annotated[RefereeEvent | None, Wire(2, "game_event")] = None
-    unknown: bytes = b""
-
-
-@message_value("controller.ControllerToAutoRef")
-@dataclass(frozen=True, slots=True)
-class AutoRefReply:
-    """A message to an automatic referee."""
-
-    reply: Annotated[ControllerReply | None, Wire(1, "controller_reply")] = None
-    unknown: bytes = b""
 
 
 @message_value("controller.TeamRegistration")
-@dataclass(frozen=True, slots=True)
-class TeamRegistration:
+class TeamRegistration(Message):
     """The first message of a team; its name as the game controller has it."""
 
     team_name: Annotated[str, Wire(1)]
     team: Annotated[Team | None, Wire(3)] = None
-    unknown: bytes = b""
 
 
 @message_value("controller.TeamToController")
-@dataclass(frozen=True, slots=True)
-class TeamMessage:
+class TeamMessage(Message):
     """A wish of a team: one of the fields."""
 
     desired_keeper: Annotated[int | None, Wire(2, kind="int32")] = None
     advantage_choice: Annotated[AdvantageChoice | None, Wire(3)] = None
     substitute_robot: Annotated[bool | None, Wire(4, "substitute_bot")] = None
     ping: Annotated[bool | None, Wire(5)] = None
-    unknown: bytes = b""
-
-
-@message_value("controller.ControllerToTeam")
-@dataclass(frozen=True, slots=True)
-class TeamReply:
-    """A message to a team."""
-
-    reply: Annotated[ControllerReply | None, Wire(1, "controller_reply")] = None
-    unknown: bytes = b""

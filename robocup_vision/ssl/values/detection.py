@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated
 
-from robocup_vision.ssl.protocol.mapping import OpenEnum, Wire, message_value
+from robocup_vision.ssl.protocol.mapping import Message, OpenEnum, Wire, message_value
 from robocup_vision.ssl.values.geometry import MM_PER_M, Geometry
 
 
@@ -22,8 +22,7 @@ class Source(OpenEnum):
 
 
 @message_value("vision.SSL_DetectionBall")
-@dataclass(frozen=True, slots=True)
-class DetectionBall:
+class DetectionBall(Message):
     """A ball as one camera sees it."""
 
     confidence: Annotated[float, Wire(1)]  #: from 0 to 1
@@ -35,12 +34,10 @@ class DetectionBall:
     pixel_y: Annotated[float, Wire(7)] = 0.0
     area_px: Annotated[int | None, Wire(2, "area")] = None  #: pixels
     z_m: Annotated[float | None, Wire(5, "z", MM_PER_M)] = None  #: height, where the sender gives it
-    unknown: bytes = b""  #: fields that are not listed here
 
 
 @message_value("vision.SSL_DetectionRobot")
-@dataclass(frozen=True, slots=True)
-class DetectionRobot:
+class DetectionRobot(Message):
     """A robot as one camera sees it."""
 
     confidence: Annotated[float, Wire(1)]  #: from 0 to 1
@@ -54,12 +51,10 @@ class DetectionRobot:
     pixel_x: Annotated[float, Wire(6)] = 0.0
     pixel_y: Annotated[float, Wire(7)] = 0.0
     height_m: Annotated[float | None, Wire(8, "height", MM_PER_M)] = None  #: of its pattern above the floor
-    unknown: bytes = b""  #: fields that are not listed here
 
 
 @message_value("vision.SSL_DetectionFrame")
-@dataclass(frozen=True, slots=True)
-class DetectionFrame:
+class DetectionFrame(Message):
     """Everything one camera saw in one of its frames."""
 
     frame_number: Annotated[int, Wire(1)]
@@ -72,18 +67,15 @@ class DetectionFrame:
     blue: Annotated[tuple[DetectionRobot, ...], Wire(7, "robots_blue")] = ()
     #: when it was exposed by the camera's own clock
     t_capture_camera_s: Annotated[float | None, Wire(8, "t_capture_camera", kind="double")] = None
-    unknown: bytes = b""  #: fields that are not listed here
 
 
 @message_value("vision.SSL_WrapperPacket")
-@dataclass(frozen=True, slots=True)
-class VisionPacket:
+class VisionPacket(Message):
     """One datagram of a vision system: a frame's detections, the geometry, or both."""
 
     detection: Annotated[DetectionFrame | None, Wire(1)] = None
     geometry: Annotated[Geometry | None, Wire(2)] = None
     source: Annotated[Source | None, Wire(3)] = None
-    unknown: bytes = b""
 
 
 def finite_frame(frame: DetectionFrame) -> tuple[DetectionFrame, tuple[str, ...]]:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
-from robocup_vision.ssl.protocol.mapping import OpenEnum, Wire, message_value
+from robocup_vision.ssl.protocol.mapping import Message, OpenEnum, Wire, message_value
 
 MM_PER_M = 1000.0
 
@@ -30,18 +29,15 @@ class LineKind(OpenEnum):
 
 
 @message_value("vision.Vector2f")
-@dataclass(frozen=True, slots=True)
-class FloorPoint:
+class FloorPoint(Message):
     """A point of the floor, field frame."""
 
     x_m: Annotated[float, Wire(1, "x", MM_PER_M)]
     y_m: Annotated[float, Wire(2, "y", MM_PER_M)]
-    unknown: bytes = b""
 
 
 @message_value("vision.SSL_FieldLineSegment")
-@dataclass(frozen=True, slots=True)
-class FieldLine:
+class FieldLine(Message):
     """A straight line from `start` to `end`, its name and width."""
 
     name: Annotated[str, Wire(1)]
@@ -49,12 +45,10 @@ class FieldLine:
     end: Annotated[FloorPoint, Wire(3, "p2")]
     width_m: Annotated[float, Wire(4, "thickness", MM_PER_M)]
     kind: Annotated[LineKind | None, Wire(5, "type")] = None
-    unknown: bytes = b""
 
 
 @message_value("vision.SSL_FieldCircularArc")
-@dataclass(frozen=True, slots=True)
-class FieldArc:
+class FieldArc(Message):
     """An arc counter-clockwise from `start_rad` to `end_rad`, its name and width."""
 
     name: Annotated[str, Wire(1)]
@@ -64,12 +58,10 @@ class FieldArc:
     end_rad: Annotated[float, Wire(5, "a2")]
     width_m: Annotated[float, Wire(6, "thickness", MM_PER_M)]
     kind: Annotated[LineKind | None, Wire(7, "type")] = None
-    unknown: bytes = b""
 
 
 @message_value("vision.SSL_GeometryFieldSize")
-@dataclass(frozen=True, slots=True)
-class FieldSize:
+class FieldSize(Message):
     """A field's size and lines; whole millimetres in the message, so that finer ones are rounded.
 
     `boundary_width_m` is the strip beyond the touch lines, and beyond the goal lines too unless
@@ -97,12 +89,10 @@ class FieldSize:
     goal_substitution_area_width_m: Annotated[
         float | None, Wire(17, "goal_substitution_area_width", MM_PER_M, kind="int32")
     ] = None
-    unknown: bytes = b""
 
 
 @message_value("vision.SSL_GeometryCameraCalibration")
-@dataclass(frozen=True, slots=True)
-class CameraCalibration:
+class CameraCalibration(Message):
     """One overhead camera."""
 
     camera_id: Annotated[int, Wire(1)]  #: as in its detections
@@ -127,47 +117,38 @@ class CameraCalibration:
     #: size of its image
     width_px: Annotated[int | None, Wire(16, "pixel_image_width")] = None
     height_px: Annotated[int | None, Wire(17, "pixel_image_height")] = None
-    unknown: bytes = b""  #: fields that are not listed here
 
 
 @message_value("vision.SSL_BallModelStraightTwoPhase")
-@dataclass(frozen=True, slots=True)
-class RollingBall:
+class RollingBall(Message):
     """How a kicked ball slows down: sliding, then rolling from `switch_ratio` of its first speed on."""
 
     slide_mps2: Annotated[float, Wire(1, "acc_slide", kind="double")]
     roll_mps2: Annotated[float, Wire(2, "acc_roll", kind="double")]
     switch_ratio: Annotated[float, Wire(3, "k_switch", kind="double")]
-    unknown: bytes = b""
 
 
 @message_value("vision.SSL_BallModelChipFixedLoss")
-@dataclass(frozen=True, slots=True)
-class BouncingBall:
+class BouncingBall(Message):
     """Fractions of its velocity that a chipped ball keeps at a bounce: along the floor at the first, later, and up."""
 
     first_floor_ratio: Annotated[float, Wire(1, "damping_xy_first_hop", kind="double")]
     later_floor_ratio: Annotated[float, Wire(2, "damping_xy_other_hops", kind="double")]
     up_ratio: Annotated[float, Wire(3, "damping_z", kind="double")]
-    unknown: bytes = b""
 
 
 @message_value("vision.SSL_GeometryModels")
-@dataclass(frozen=True, slots=True)
-class BallModels:
+class BallModels(Message):
     """Models of the ball's motion on this field."""
 
     rolling: Annotated[RollingBall | None, Wire(1, "straight_two_phase")] = None
     bouncing: Annotated[BouncingBall | None, Wire(2, "chip_fixed_loss")] = None
-    unknown: bytes = b""
 
 
 @message_value("vision.SSL_GeometryData")
-@dataclass(frozen=True, slots=True)
-class Geometry:
+class Geometry(Message):
     """Field, cameras and ball models."""
 
     field: Annotated[FieldSize, Wire(1)]
     cameras: Annotated[tuple[CameraCalibration, ...], Wire(2, "calib")] = ()
     models: Annotated[BallModels | None, Wire(3)] = None
-    unknown: bytes = b""

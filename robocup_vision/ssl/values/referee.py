@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
-from robocup_vision.ssl.protocol.mapping import OpenEnum, Wire, message_value
-from robocup_vision.ssl.values.geometry import MM_PER_M, Geometry
+from robocup_vision.ssl.protocol.mapping import Message, OpenEnum, Wire, message_value
+from robocup_vision.ssl.values.geometry import FloorPoint, Geometry
 from robocup_vision.ssl.values.tracked import TrackerPacket
 
 
@@ -70,8 +69,7 @@ class HullColor(OpenEnum):
 
 
 @message_value("referee.TeamInfo")
-@dataclass(frozen=True, slots=True)
-class TeamInfo:
+class TeamInfo(Message):
     """One team: its goals, cards, time-outs (microseconds), and the number of its goalkeeper."""
 
     name: Annotated[str, Wire(1)]
@@ -92,41 +90,24 @@ class TeamInfo:
     substitutions_left: Annotated[int | None, Wire(17, "bot_substitutions_left")] = None
     substitution_time_left: Annotated[int | None, Wire(18, "bot_substitution_time_left")] = None
     hull_color: Annotated[HullColor | None, Wire(19)] = None
-    unknown: bytes = b""
-
-
-@message_value("referee.Point")
-@dataclass(frozen=True, slots=True)
-class DesignatedPosition:
-    """Where the ball shall be placed, field frame."""
-
-    x_m: Annotated[float, Wire(1, "x", MM_PER_M)]
-    y_m: Annotated[float, Wire(2, "y", MM_PER_M)]
-    unknown: bytes = b""
 
 
 @message_value("referee.GameEvent")
-@dataclass(frozen=True, slots=True)
-class GameEvent:
+class GameEvent(Message):
     """Something that happened; kept as it came, in `unknown`."""
-
-    unknown: bytes = b""
 
 
 @message_value("referee.GameEventProposalGroup")
-@dataclass(frozen=True, slots=True)
-class GameEventProposals:
+class GameEventProposals(Message):
     """Events that automatic referees have proposed."""
 
     group_id: Annotated[str | None, Wire(3, "id")] = None
     game_events: Annotated[tuple[GameEvent, ...], Wire(1)] = ()
     accepted: Annotated[bool | None, Wire(2)] = None
-    unknown: bytes = b""
 
 
 @message_value("referee.Referee")
-@dataclass(frozen=True, slots=True)
-class Referee:
+class Referee(Message):
     """One datagram of the game controller.
 
     Times ending in ``_us`` are microseconds, the stamps since 1970. A command is a new one when `command_counter` is
@@ -141,7 +122,7 @@ class Referee:
     yellow: Annotated[TeamInfo, Wire(7)]
     blue: Annotated[TeamInfo, Wire(8)]
     stage_time_left_us: Annotated[int | None, Wire(3, "stage_time_left", kind="sint64")] = None
-    designated_position: Annotated[DesignatedPosition | None, Wire(9)] = None
+    designated_position: Annotated[FloorPoint | None, Wire(9)] = None  #: where the ball shall be placed
     blue_on_positive_half: Annotated[bool | None, Wire(10, "blue_team_on_positive_half")] = None
     next_command: Annotated[RefereeCommand | None, Wire(12)] = None
     game_events: Annotated[tuple[GameEvent, ...], Wire(16)] = ()
@@ -150,33 +131,19 @@ class Referee:
     source_identifier: Annotated[str | None, Wire(18)] = None
     match_type: Annotated[MatchType | None, Wire(19)] = None
     status_message: Annotated[str | None, Wire(20)] = None
-    unknown: bytes = b""
-
-
-@message_value("referee.Input")
-@dataclass(frozen=True, slots=True)
-class ControllerInput:
-    """An order to the game controller; kept as it came, in `unknown`."""
-
-    unknown: bytes = b""
 
 
 @message_value("referee.CiInput")
-@dataclass(frozen=True, slots=True)
-class CiInput:
+class CiInput(Message):
     """Message of a simulator to a game controller that runs at the simulator's speed; `time_ns` is simulated time."""
 
     time_ns: Annotated[int | None, Wire(1, "timestamp", kind="int64")] = None
     tracker: Annotated[TrackerPacket | None, Wire(2, "tracker_packet")] = None
-    inputs: Annotated[tuple[ControllerInput, ...], Wire(3, "api_inputs")] = ()
     geometry: Annotated[Geometry | None, Wire(4)] = None
-    unknown: bytes = b""
 
 
 @message_value("referee.CiOutput")
-@dataclass(frozen=True, slots=True)
-class CiOutput:
+class CiOutput(Message):
     """What the game controller answers."""
 
     referee: Annotated[Referee | None, Wire(1, "referee_msg")] = None
-    unknown: bytes = b""

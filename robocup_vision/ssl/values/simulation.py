@@ -6,10 +6,9 @@ A field that is None is left out of the message, and the simulator keeps what it
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Annotated
 
-from robocup_vision.ssl.protocol.mapping import OpenEnum, Wire, message_value
+from robocup_vision.ssl.protocol.mapping import Message, OpenEnum, Wire, message_value
 from robocup_vision.ssl.values.detection import DetectionFrame
 from robocup_vision.ssl.values.geometry import Geometry
 
@@ -28,13 +27,11 @@ class Team(OpenEnum):
 
 
 @message_value("simulation.Any")
-@dataclass(frozen=True, slots=True)
-class AnyMessage:
+class AnyMessage(Message):
     """A message of a kind that only some programs know: the kind's name, and its bytes."""
 
     type_url: Annotated[str | None, Wire(1)] = None
     value: Annotated[bytes | None, Wire(2)] = None
-    unknown: bytes = b""
 
     @property
     def kind(self) -> str:
@@ -43,28 +40,23 @@ class AnyMessage:
 
 
 @message_value("simulation.RobotId")
-@dataclass(frozen=True, slots=True)
-class RobotId:
+class RobotId(Message):
     """A robot's number and team."""
 
     number: Annotated[int | None, Wire(1, "id")] = None
     team: Annotated[Team | None, Wire(2)] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.SimulatorError")
-@dataclass(frozen=True, slots=True)
-class SimulatorError:
+class SimulatorError(Message):
     """What a simulator did not do: a code for programs, words for people."""
 
     code: Annotated[str | None, Wire(1)] = None
     message: Annotated[str | None, Wire(2)] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.RobotLimits")
-@dataclass(frozen=True, slots=True)
-class LeagueRobotLimits:
+class LeagueRobotLimits(Message):
     """How fast robots speed up, brake, drive and turn at most."""
 
     speed_up_mps2: Annotated[float | None, Wire(1, "acc_speedup_absolute_max")] = None
@@ -73,24 +65,20 @@ class LeagueRobotLimits:
     turn_brake_rps2: Annotated[float | None, Wire(4, "acc_brake_angular_max")] = None
     speed_mps: Annotated[float | None, Wire(5, "vel_absolute_max")] = None
     turn_rps: Annotated[float | None, Wire(6, "vel_angular_max")] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.RobotWheelAngles")
-@dataclass(frozen=True, slots=True)
-class WheelAngles:
+class WheelAngles(Message):
     """Where a robot's wheels sit, counter-clockwise from straight ahead."""
 
     front_right_rad: Annotated[float, Wire(1, "front_right")]
     back_right_rad: Annotated[float, Wire(2, "back_right")]
     back_left_rad: Annotated[float, Wire(3, "back_left")]
     front_left_rad: Annotated[float, Wire(4, "front_left")]
-    unknown: bytes = b""
 
 
 @message_value("simulation.RobotSpecs")
-@dataclass(frozen=True, slots=True)
-class RobotSpecs:
+class RobotSpecs(Message):
     """What one robot is like."""
 
     robot: Annotated[RobotId, Wire(1, "id")]
@@ -103,21 +91,17 @@ class RobotSpecs:
     limits: Annotated[LeagueRobotLimits | None, Wire(10)] = None
     wheel_angles: Annotated[WheelAngles | None, Wire(13)] = None
     custom: Annotated[tuple[AnyMessage, ...], Wire(14)] = ()
-    unknown: bytes = b""
 
 
 @message_value("simulation.RealismConfig")
-@dataclass(frozen=True, slots=True)
-class RealismConfig:
+class RealismConfig(Message):
     """How real a simulator is, in messages that each simulator has of its own."""
 
     custom: Annotated[tuple[AnyMessage, ...], Wire(1)] = ()
-    unknown: bytes = b""
 
 
 @message_value("simulation.RealismConfigErForce")
-@dataclass(frozen=True, slots=True)
-class ErForceRealism:
+class ErForceRealism(Message):
     """The realism settings of the ER-Force simulator; losses are fractions, times nanoseconds."""
 
     ball_std_m: Annotated[float | None, Wire(1, "stddev_ball_p")] = None
@@ -135,34 +119,28 @@ class ErForceRealism:
     vision_delay_ns: Annotated[int | None, Wire(13, "vision_delay", kind="int64")] = None
     vision_processing_ns: Annotated[int | None, Wire(14, "vision_processing_time", kind="int64")] = None
     simulate_dribbling: Annotated[bool | None, Wire(15)] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.RobotSpecErForce")
-@dataclass(frozen=True, slots=True)
-class ErForceRobotSpec:
+class ErForceRobotSpec(Message):
     """A robot's data of the ER-Force simulator beyond the league's fields."""
 
     shoot_radius_m: Annotated[float | None, Wire(1, "shoot_radius")] = None
     dribbler_width_m: Annotated[float | None, Wire(3, "dribbler_width")] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.SimulatorConfig")
-@dataclass(frozen=True, slots=True)
-class SimulatorConfig:
+class SimulatorConfig(Message):
     """What a simulator shall be set to."""
 
     geometry: Annotated[Geometry | None, Wire(1)] = None
     robot_specs: Annotated[tuple[RobotSpecs, ...], Wire(2)] = ()
     realism: Annotated[RealismConfig | None, Wire(3, "realism_config")] = None
     vision_port: Annotated[int | None, Wire(4)] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.TeleportBall")
-@dataclass(frozen=True, slots=True)
-class TeleportBall:
+class TeleportBall(Message):
     """Where to put the ball and how it shall move; `roll`: it rolls at once instead of sliding first."""
 
     x_m: Annotated[float | None, Wire(1, "x")] = None
@@ -174,12 +152,10 @@ class TeleportBall:
     teleport_safely: Annotated[bool | None, Wire(7)] = None
     roll: Annotated[bool | None, Wire(8)] = None
     by_force: Annotated[bool | None, Wire(9)] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.TeleportRobot")
-@dataclass(frozen=True, slots=True)
-class TeleportRobot:
+class TeleportRobot(Message):
     """Where to put a robot, how it shall move, and whether it is on the field at all."""
 
     robot: Annotated[RobotId, Wire(1, "id")]
@@ -191,87 +167,71 @@ class TeleportRobot:
     turn_rps: Annotated[float | None, Wire(7, "v_angular")] = None
     present: Annotated[bool | None, Wire(8)] = None
     by_force: Annotated[bool | None, Wire(9)] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.SimulatorControl")
-@dataclass(frozen=True, slots=True)
-class SimulatorControl:
+class SimulatorControl(Message):
     """What is put where, and how fast simulated time goes (1: as a clock)."""
 
     ball: Annotated[TeleportBall | None, Wire(1, "teleport_ball")] = None
     robots: Annotated[tuple[TeleportRobot, ...], Wire(2, "teleport_robot")] = ()
     speed: Annotated[float | None, Wire(3, "simulation_speed")] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.SimulatorCommand")
-@dataclass(frozen=True, slots=True)
-class SimulatorCommand:
+class SimulatorCommand(Message):
     """One datagram to a simulator's control port."""
 
     control: Annotated[SimulatorControl | None, Wire(1)] = None
     config: Annotated[SimulatorConfig | None, Wire(2)] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.SimulatorResponse")
-@dataclass(frozen=True, slots=True)
-class SimulatorResponse:
+class SimulatorResponse(Message):
     """What it answers; a command without errors need not be answered."""
 
     errors: Annotated[tuple[SimulatorError, ...], Wire(1)] = ()
-    unknown: bytes = b""
 
 
 @message_value("simulation.MoveWheelVelocity")
-@dataclass(frozen=True, slots=True)
-class WheelVelocities:
+class WheelVelocities(Message):
     """Speeds of the wheels' rims, metres a second."""
 
     front_right_mps: Annotated[float, Wire(1, "front_right")]
     back_right_mps: Annotated[float, Wire(2, "back_right")]
     back_left_mps: Annotated[float, Wire(3, "back_left")]
     front_left_mps: Annotated[float, Wire(4, "front_left")]
-    unknown: bytes = b""
 
 
 @message_value("simulation.MoveLocalVelocity")
-@dataclass(frozen=True, slots=True)
-class LocalVelocity:
+class LocalVelocity(Message):
     """Velocity in the robot frame."""
 
     forward_mps: Annotated[float, Wire(1, "forward")]
     left_mps: Annotated[float, Wire(2, "left")]
     turn_rps: Annotated[float, Wire(3, "angular")]
-    unknown: bytes = b""
 
 
 @message_value("simulation.MoveGlobalVelocity")
-@dataclass(frozen=True, slots=True)
-class GlobalVelocity:
+class GlobalVelocity(Message):
     """Velocity in the field frame."""
 
     x_mps: Annotated[float, Wire(1, "x")]
     y_mps: Annotated[float, Wire(2, "y")]
     turn_rps: Annotated[float, Wire(3, "angular")]
-    unknown: bytes = b""
 
 
 @message_value("simulation.RobotMoveCommand")
-@dataclass(frozen=True, slots=True)
-class MoveCommand:
+class MoveCommand(Message):
     """How a robot shall move: one of the three."""
 
     wheels: Annotated[WheelVelocities | None, Wire(1, "wheel_velocity")] = None
     local: Annotated[LocalVelocity | None, Wire(2, "local_velocity")] = None
     world: Annotated[GlobalVelocity | None, Wire(3, "global_velocity")] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.RobotCommand")
-@dataclass(frozen=True, slots=True)
-class RobotCommand:
+class RobotCommand(Message):
     """What one robot shall do; a `kick_angle_rad` above 0 chips the ball up at that angle."""
 
     number: Annotated[int, Wire(1, "id")]
@@ -279,66 +239,53 @@ class RobotCommand:
     kick_mps: Annotated[float | None, Wire(3, "kick_speed")] = None
     kick_angle_rad: Annotated[float | None, Wire(4, "kick_angle", DEGREES_PER_RAD)] = None
     dribbler_rps: Annotated[float | None, Wire(5, "dribbler_speed", RPM_PER_RPS)] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.RobotControl")
-@dataclass(frozen=True, slots=True)
-class RobotControl:
+class RobotControl(Message):
     """One datagram to a team's robots."""
 
     commands: Annotated[tuple[RobotCommand, ...], Wire(1, "robot_commands")] = ()
-    unknown: bytes = b""
 
 
 @message_value("simulation.RobotFeedback")
-@dataclass(frozen=True, slots=True)
-class RobotFeedback:
+class RobotFeedback(Message):
     """What one robot feels."""
 
     number: Annotated[int, Wire(1, "id")]
     ball_contact: Annotated[bool | None, Wire(2, "dribbler_ball_contact")] = None
     custom: Annotated[AnyMessage | None, Wire(3)] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.RobotMotion")
-@dataclass(frozen=True, slots=True)
-class RobotMotion:
+class RobotMotion(Message):
     """How a robot of this project's simulator moves, as its wheels tell it: robot frame; a feedback's `custom`."""
 
     forward_mps: Annotated[float | None, Wire(1, "forward")] = None
     left_mps: Annotated[float | None, Wire(2, "left")] = None
     turn_rps: Annotated[float | None, Wire(3, "angular")] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.RobotControlResponse")
-@dataclass(frozen=True, slots=True)
-class RobotControlResponse:
+class RobotControlResponse(Message):
     """What the robots of a team answer."""
 
     errors: Annotated[tuple[SimulatorError, ...], Wire(1)] = ()
     feedback: Annotated[tuple[RobotFeedback, ...], Wire(2)] = ()
-    unknown: bytes = b""
 
 
 @message_value("simulation.SimulationSyncRequest")
-@dataclass(frozen=True, slots=True)
-class SyncRequest:
+class SyncRequest(Message):
     """Asks a simulator to go on by `step_s` and to answer with what was seen."""
 
     step_s: Annotated[float | None, Wire(1, "sim_step")] = None
     command: Annotated[SimulatorCommand | None, Wire(2, "simulator_command")] = None
     robot_control: Annotated[RobotControl | None, Wire(3)] = None
-    unknown: bytes = b""
 
 
 @message_value("simulation.SimulationSyncResponse")
-@dataclass(frozen=True, slots=True)
-class SyncResponse:
+class SyncResponse(Message):
     """The frames of that step, and the robots' answer."""
 
     detections: Annotated[tuple[DetectionFrame, ...], Wire(1, "detection")] = ()
     robots: Annotated[RobotControlResponse | None, Wire(2, "robot_control_response")] = None
-    unknown: bytes = b""

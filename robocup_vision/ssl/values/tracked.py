@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated
 
-from robocup_vision.ssl.protocol.mapping import OpenEnum, Wire, message_value
-
-
-class TeamColor(OpenEnum):
-    """Which team; numbered as the game controller numbers them."""
-
-    UNKNOWN = 0
-    YELLOW = 1
-    BLUE = 2
+from robocup_vision.ssl.protocol.mapping import Message, OpenEnum, Wire, message_value
+from robocup_vision.ssl.values.simulation import Team
 
 
 class Capability(OpenEnum):
@@ -26,50 +18,41 @@ class Capability(OpenEnum):
 
 
 @message_value("tracked.Vector2")
-@dataclass(frozen=True, slots=True)
-class Vector2:
+class Vector2(Message):
     """Along the floor, field frame, metres or metres a second."""
 
     x: Annotated[float, Wire(1)]
     y: Annotated[float, Wire(2)]
-    unknown: bytes = b""
 
 
 @message_value("tracked.Vector3")
-@dataclass(frozen=True, slots=True)
-class Vector3:
+class Vector3(Message):
     """In space, field frame, z up, metres or metres a second."""
 
     x: Annotated[float, Wire(1)]
     y: Annotated[float, Wire(2)]
     z: Annotated[float, Wire(3)]
-    unknown: bytes = b""
 
 
 @message_value("tracked.RobotId")
-@dataclass(frozen=True, slots=True)
-class TrackedRobotId:
+class TrackedRobotId(Message):
     """A robot's number and team."""
 
     number: Annotated[int, Wire(1, "id")]
-    team: Annotated[TeamColor, Wire(2, "team_color")]
-    unknown: bytes = b""
+    team: Annotated[Team, Wire(2, "team_color")]
 
 
 @message_value("tracked.TrackedBall")
-@dataclass(frozen=True, slots=True)
-class TrackedBall:
+class TrackedBall(Message):
     """A ball, how it moves, and how well it is seen (0 to 1)."""
 
     position_m: Annotated[Vector3, Wire(1, "pos")]
     velocity_mps: Annotated[Vector3 | None, Wire(2, "vel")] = None
     visibility: Annotated[float | None, Wire(3)] = None
-    unknown: bytes = b""
 
 
 @message_value("tracked.KickedBall")
-@dataclass(frozen=True, slots=True)
-class KickedBall:
+class KickedBall(Message):
     """A ball as it was kicked: when, where, how fast, by whom, and where it will lie still."""
 
     position_m: Annotated[Vector2, Wire(1, "pos")]
@@ -78,12 +61,10 @@ class KickedBall:
     stop_s: Annotated[float | None, Wire(4, "stop_timestamp", kind="double")] = None
     stop_position_m: Annotated[Vector2 | None, Wire(5, "stop_pos")] = None
     robot: Annotated[TrackedRobotId | None, Wire(6, "robot_id")] = None
-    unknown: bytes = b""
 
 
 @message_value("tracked.TrackedRobot")
-@dataclass(frozen=True, slots=True)
-class TrackedRobot:
+class TrackedRobot(Message):
     """A robot, how it moves, and how well it is seen (0 to 1)."""
 
     robot: Annotated[TrackedRobotId, Wire(1, "robot_id")]
@@ -92,12 +73,10 @@ class TrackedRobot:
     velocity_mps: Annotated[Vector2 | None, Wire(4, "vel")] = None
     turn_rps: Annotated[float | None, Wire(5, "vel_angular")] = None
     visibility: Annotated[float | None, Wire(6)] = None
-    unknown: bytes = b""
 
 
 @message_value("tracked.TrackedFrame")
-@dataclass(frozen=True, slots=True)
-class TrackedFrame:
+class TrackedFrame(Message):
     """The world at one moment, seconds since 1970."""
 
     frame_number: Annotated[int, Wire(1)]
@@ -106,15 +85,12 @@ class TrackedFrame:
     robots: Annotated[tuple[TrackedRobot, ...], Wire(4)] = ()
     kicked_ball: Annotated[KickedBall | None, Wire(5)] = None
     capabilities: Annotated[tuple[Capability, ...], Wire(6)] = ()
-    unknown: bytes = b""
 
 
 @message_value("tracked.TrackerWrapperPacket")
-@dataclass(frozen=True, slots=True)
-class TrackerPacket:
+class TrackerPacket(Message):
     """One datagram of a tracker; `uuid` identifies the running tracker."""
 
     uuid: Annotated[str, Wire(1)]
     source_name: Annotated[str | None, Wire(2)] = None
     frame: Annotated[TrackedFrame | None, Wire(3, "tracked_frame")] = None
-    unknown: bytes = b""

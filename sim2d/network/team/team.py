@@ -21,9 +21,8 @@ from robocup_vision.ssl.tracker import OverheadTracker, TrackerSettings
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.simulation import LocalVelocity, MoveCommand, RobotCommand, RobotControlResponse, Team
-from robocup_vision.ssl.values.tracked import TeamColor, TrackedFrame, TrackedRobot
+from robocup_vision.ssl.values.tracked import TrackedFrame, TrackedRobot
 from sim2d.match.pitch_rules import kick_time_s
-from sim2d.network.packets import TEAM_COLORS
 from sim2d.network.team.overhead_player import Moving, Orders, OverheadPlayer, defence_zones
 from sim2d.players.driving.motion import MotionSettings
 from sim2d.players.keep_out import Capsule
@@ -162,7 +161,7 @@ class OverheadTeam:
     ) -> None:
         """Take in what the game controller says; arguments as in `Game.update`."""
         self._game.update(packet, address, received_s)
-        if packet.command not in Game.known_commands:
+        if not packet.command.is_known:
             self.problems.add(f"the referee says an {packet.command}: taken for a halt")
         problem = self._game.problem
         if problem and problem != self._referee_problem:
@@ -197,7 +196,7 @@ class OverheadTeam:
         world = self._tracker.at_steady(t_s)
         ball = (world.balls[0].position_m.x, world.balls[0].position_m.y) if world.balls else None
         state = self.state = self._game.state(t_s, ball)
-        own = {r.robot.number: r for r in world.robots if r.robot.team == TEAM_COLORS[self._team]}
+        own = {r.robot.number: r for r in world.robots if r.robot.team == self._team}
         if state.phase in ("halt", "time_out") or state.attacks is None:
             self.intents = dict.fromkeys(own, state.phase.replace("_", " "))
             self._kick = None
@@ -216,8 +215,8 @@ class OverheadTeam:
                 hand = self._hands[number] = _Hand(
                     OverheadPlayer(self._field, self._settings.limits, self._settings.motion, number)
                 )
-            me = robots[TEAM_COLORS[self._team], number]
-            others = tuple(other for key, other in robots.items() if key != (TEAM_COLORS[self._team], number))
+            me = robots[self._team, number]
+            others = tuple(other for key, other in robots.items() if key != (self._team, number))
             mine = replace(situation, in_mouth=self._has_ball(hand, me, situation.ball, t_s))
             orders = self._orders(number, roles, own, state, mine, me)
             command = hand.player.act(orders, mine, me, others)
@@ -253,7 +252,7 @@ class OverheadTeam:
     def _playing(
         self,
         own: dict[int, TrackedRobot],
-        robots: dict[tuple[TeamColor, int], Moving],
+        robots: dict[tuple[Team, int], Moving],
         state: GameState,
         ball: Point | None,
     ) -> list[int]:
@@ -264,7 +263,7 @@ class OverheadTeam:
         center = ball or (0.0, 0.0)
 
         def away(number: int) -> tuple[bool, float]:
-            pose = robots[TEAM_COLORS[self._team], number].pose
+            pose = robots[self._team, number].pose
             # who is off the field already stays there
             outside = abs(pose.y_m) > self._field.width_m / 2
             return (outside, math.dist((pose.x_m, pose.y_m), center))
@@ -276,12 +275,12 @@ class OverheadTeam:
     def _roles(
         self,
         numbers: Sequence[int],
-        robots: dict[tuple[TeamColor, int], Moving],
+        robots: dict[tuple[Team, int], Moving],
         state: GameState,
         now: Situation,
     ) -> dict[int, int]:
         """Return each playing robot's role: 0 keeps the goal, 1 goes for the ball, the others from right to left."""
-        places = {number: robots[TEAM_COLORS[self._team], number].pose for number in numbers}
+        places = {number: robots[self._team, number].pose for number in numbers}
         field_players = [number for number in numbers if number != state.goalkeeper]
         if not field_players:
             return dict.fromkeys(numbers, 0)
@@ -301,7 +300,7 @@ class OverheadTeam:
         self,
         state: GameState,
         roles: dict[int, int],
-        robots: dict[tuple[TeamColor, int], Moving],
+        robots: dict[tuple[Team, int], Moving],
         ball: Point | None,
     ) -> None:
         """Remember who takes a kick: it may not touch the ball again before another robot has."""
@@ -318,7 +317,7 @@ class OverheadTeam:
         if ball is None:
             return
         reach = self._settings.limits.radius_m + self._field.ball_radius_m + self._settings.touched_m
-        who = (TEAM_COLORS[self._team], self._kick.kicker)
+        who = (self._team, self._kick.kicker)
         if any(
             math.dist((robot.pose.x_m, robot.pose.y_m), ball) < reach for key, robot in robots.items() if key != who
         ):
@@ -395,7 +394,7 @@ def _slowed(command: Command, most_mps: float) -> Command:
     return replace(command, forward_mps=part * command.forward_mps, left_mps=part * command.left_mps)
 
 
-def _key(robot: TrackedRobot) -> tuple[TeamColor, int]:
+def _key(robot: TrackedRobot) -> tuple[Team, int]:
     return robot.robot.team, robot.robot.number
 
 

@@ -60,5 +60,5 @@ def test_who_closes_or_talks_rubbish_is_told(peer):
     port = peer(lambda frame: b"\xff\xff\xff\xff\x7f")
     with CiClient(port=port) as client, pytest.raises(PacketError, match="at most 8388608 bytes"):
         client.exchange(CiInput(1), WAIT_S)
-    with pytest.raises(ArgumentError, match=r"cannot reach a game controller at 127.0.0.1:1"):
+    with pytest.raises(ArgumentError, match=r"cannot reach the game controller at 127.0.0.1:1"):
         CiClient(port=1)

@@ -18,15 +18,14 @@ from robocup_vision.ssl.values.controller import (
     AdvantageChoice,
     AutoRefMessage,
     AutoRefRegistration,
-    AutoRefReply,
     ByRobot,
+    ControllerMessage,
     ControllerReply,
     EventKind,
     Place,
     ReplyStatus,
     TeamMessage,
     TeamRegistration,
-    TeamReply,
     referee_event,
 )
 from robocup_vision.ssl.values.simulation import Team
@@ -35,9 +34,9 @@ WAIT_S = 30.0
 OK = ControllerReply(ReplyStatus.OK)
 
 
-def controller(peer, reply_type, *replies):
+def controller(peer, *replies):
     """Return the port of a controller that gives these replies in turn, the first unasked, and what it hears."""
-    packed = [encode(reply_type(reply)) for reply in replies]
+    packed = [encode(ControllerMessage(reply)) for reply in replies]
     heard, left = [], iter([varint(len(data)) + data for data in packed])
 
     def answer(frame):
@@ -48,7 +47,7 @@ def controller(peer, reply_type, *replies):
 
 
 def test_an_automatic_referee_registers_and_tells_events(peer):
-    port, heard = controller(peer, AutoRefReply, OK, OK, OK, ControllerReply(ReplyStatus.REJECTED, "no such event"))
+    port, heard = controller(peer, OK, OK, OK, ControllerReply(ReplyStatus.REJECTED, "no such event"))
     event = referee_event(
         EventKind.BOT_TOO_FAST_IN_STOP, ByRobot(Team.BLUE, 3, Place(1.0, 2.0), 1.75), 1_700_000_000_000_000
     )
@@ -67,7 +66,7 @@ def test_an_automatic_referee_registers_and_tells_events(peer):
 
 def test_a_team_asks_and_what_is_rejected_is_said(peer):
     rejected = ControllerReply(ReplyStatus.REJECTED, "Ball is not in the opponents half")
-    port, heard = controller(peer, TeamReply, OK, OK, rejected, OK, OK, OK)
+    port, heard = controller(peer, OK, OK, rejected, OK, OK, OK)
     with TeamPortClient("Test Team", Team.YELLOW, port=port) as client:
         client.change_keeper(4)
         while not client.problems.counts:
@@ -86,10 +85,10 @@ def test_a_team_asks_and_what_is_rejected_is_said(peer):
 
 
 def test_who_is_refused_or_not_answered_is_told_why(peer):
-    port, _ = controller(peer, AutoRefReply, OK, ControllerReply(ReplyStatus.REJECTED, "already registered"))
+    port, _ = controller(peer, OK, ControllerReply(ReplyStatus.REJECTED, "already registered"))
     with pytest.raises(ArgumentError, match=r"the port for referees of the game controller at .* refuses: already"):
         AutoRefClient("eyes", port=port)
-    with pytest.raises(ArgumentError, match="cannot reach the port for teams of a game controller at"):
+    with pytest.raises(ArgumentError, match="cannot reach the port for teams of the game controller at"):
         TeamPortClient("x", Team.BLUE, port=free_port())
 
 

@@ -8,7 +8,8 @@ from benchmarks.worlds.damaged_messages import REFEREE
 from field_models.errors import ArgumentError
 from robocup_vision.ssl.game import Game
 from robocup_vision.ssl.log import SslLog
-from robocup_vision.ssl.values.referee import DesignatedPosition, RefereeCommand
+from robocup_vision.ssl.values.geometry import FloorPoint
+from robocup_vision.ssl.values.referee import RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
 
 C = RefereeCommand
@@ -75,7 +76,7 @@ def test_a_new_counter_begins_the_same_command_again():
 )
 def test_sides_keepers_and_cards(blue_positive, team, attacks):
     yellow = dataclasses.replace(REFEREE.yellow, goalkeeper=4, max_allowed_robots=5)
-    place = DesignatedPosition(1.5, -2.0)
+    place = FloorPoint(1.5, -2.0)
     game = told(C.STOP, team=team, yellow=yellow, blue_on_positive_half=blue_positive, designated_position=place)
     state = game.state(1.0, None)
     assert state.attacks == attacks

@@ -11,7 +11,7 @@ from robocup_vision.geometry import wrap_angle
 from robocup_vision.ssl.motion_filter import MotionFilter, MotionFilterSettings, MotionModel
 from robocup_vision.ssl.tracker import OverheadTracker
 from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, DetectionRobot
-from robocup_vision.ssl.values.tracked import TeamColor
+from robocup_vision.ssl.values.simulation import Team
 
 PERIOD_S = 1 / 60
 
@@ -36,7 +36,7 @@ def test_a_robot_is_predicted_to_now():
         tracker.update(frame(t_s, yellow=[(4, x, y, wrap_angle(angle + rng.normal(0, 0.01)))]))
     now_s = t_s + 0.05
     (robot,) = tracker.at(now_s).robots
-    assert (robot.robot.team, robot.robot.number) == (TeamColor.YELLOW, 4)
+    assert (robot.robot.team, robot.robot.number) == (Team.YELLOW, 4)
     assert math.hypot(robot.position_m.x - 1.5 * now_s, robot.position_m.y + 0.5 * now_s) < 0.01
     assert (robot.velocity_mps.x, robot.velocity_mps.y) == pytest.approx((1.5, -0.5), abs=0.12)
     assert robot.turn_rps == pytest.approx(2.0, abs=0.3)

@@ -9,7 +9,8 @@ from benchmarks.worlds.damaged_messages import REFEREE
 from field_models import load_field
 from robocup_vision.geometry import Pose2
 from robocup_vision.ssl.values.controller import EventKind
-from robocup_vision.ssl.values.referee import DesignatedPosition, RefereeCommand
+from robocup_vision.ssl.values.geometry import FloorPoint
+from robocup_vision.ssl.values.referee import RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
 from sim2d.network.autoref import Autoref
 from sim2d.world.state import BallState, RobotState
@@ -92,7 +93,7 @@ def test_in_a_stop_speed_is_told_once():
 
 
 def test_a_placement_is_told_once_the_ball_lies_and_is_left():
-    place = DesignatedPosition(1.0, 1.0)
+    place = FloorPoint(1.0, 1.0)
     game = Game().say(C.BALL_PLACEMENT_YELLOW, designated_position=place, next_command=C.DIRECT_FREE_YELLOW)
     game.go(1.0, robots=[robot(1, 1, 0.9, 1.0)], ball=BallState(1.02, 1.0))
     assert game.told == []

@@ -12,7 +12,8 @@ from field_models.errors import ArgumentError
 from robocup_vision.ssl.controller_clients import CiClient
 from robocup_vision.ssl.framed import varint
 from robocup_vision.ssl.protocol.mapping import decode, encode
-from robocup_vision.ssl.values.referee import CiInput, CiOutput, DesignatedPosition, RefereeCommand
+from robocup_vision.ssl.values.geometry import FloorPoint
+from robocup_vision.ssl.values.referee import CiInput, CiOutput, RefereeCommand
 from sim2d.match.league_referee import league_referee
 from sim2d.match.match import Match
 from sim2d.network.foreign_referee import DrivenReferee, ForeignReferee
@@ -57,7 +58,7 @@ def test_players_are_told_what_the_game_controller_commands():
     # yellow has the other half now
     source.say(C.DIRECT_FREE_YELLOW, blue_on_positive_half=False)
     assert [one.own_turn for one in senses(match)] == [False, True]
-    source.say(C.BALL_PLACEMENT_BLUE, designated_position=DesignatedPosition(1.0, -2.0))
+    source.say(C.BALL_PLACEMENT_BLUE, designated_position=FloorPoint(1.0, -2.0))
     told = senses(match)
     assert told[0].placement_in_field == (1.0, -2.0)
     assert told[0].phase == "ball_placement"
@@ -69,7 +70,7 @@ def test_players_are_told_what_the_game_controller_commands():
 def test_the_ball_is_put_where_the_kick_is_and_goals_are_those_told():
     source = Source()
     match = begin(source)
-    source.say(C.DIRECT_FREE_BLUE, designated_position=DesignatedPosition(-1.0, 2.0))
+    source.say(C.DIRECT_FREE_BLUE, designated_position=FloorPoint(-1.0, 2.0))
     match.step()
     state = match.arena.state
     assert (state.ball.x_m, state.ball.y_m) == (-1.0, 2.0)

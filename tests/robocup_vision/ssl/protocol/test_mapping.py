@@ -63,7 +63,7 @@ def test_fields_that_a_value_does_not_have_are_kept():
     assert value.unknown == extra
     assert encode(value) == data
     # of game events no field is known
-    told = dataclasses.replace(REFEREE, game_events=(GameEvent(b"\x08\x01" + extra),))
+    told = dataclasses.replace(REFEREE, game_events=(GameEvent(unknown=b"\x08\x01" + extra),))
     assert decode(Referee, encode(told)).game_events == told.game_events
 
 

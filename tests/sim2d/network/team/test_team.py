@@ -15,7 +15,8 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.ssl.field import geometry_from_field
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
-from robocup_vision.ssl.values.referee import DesignatedPosition, RefereeCommand, TeamInfo
+from robocup_vision.ssl.values.geometry import FloorPoint
+from robocup_vision.ssl.values.referee import RefereeCommand, TeamInfo
 from robocup_vision.ssl.values.simulation import RobotControl, RobotControlResponse, SimulatorError, Team
 from sim2d.network.league import STEPS_A_COMMAND, Channel, LeagueSimulator
 from sim2d.network.realism import REALISMS
@@ -49,7 +50,7 @@ class Loop:
                 yellow=info,
                 blue=info,
                 blue_on_positive_half=True,
-                designated_position=None if place is None else DesignatedPosition(*place),
+                designated_position=None if place is None else FloorPoint(*place),
             )
         )
         return self
