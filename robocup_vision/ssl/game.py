@@ -54,14 +54,8 @@ _COMMANDS: dict[RefereeCommand, tuple[Phase, Team]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class GameSettings:
-    """The rules' numbers."""
-
-    in_play_m: float = 0.05  #: distance from the kick-off place from which the ball is in play
-    #: a kick that is not taken in this time is everybody's: ten seconds on division B, five on division A. A game
-    #: controller that tells how much time is left is believed instead.
-    kick_s: float = 10.0
+# distance from the kick-off place from which the ball is in play, by the rules
+_IN_PLAY_M = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,16 +87,22 @@ _SILENT = GameState("halt", False, None, 0, 0, None, None, doubt="no referee")
 class Game:
     """Follows the referee for one team.
 
+    Parameters
+    ----------
+    kick_s : float
+        A kick that is not taken in this time is everybody's: ten seconds on division B, five on division A. A game
+        controller that tells how much time is left is believed instead.
+
     Raises
     ------
     ArgumentError
         If the team is neither.
     """
 
-    def __init__(self, team: Team, settings: GameSettings = GameSettings()) -> None:
+    def __init__(self, team: Team, kick_s: float = 10.0) -> None:
         if team not in (Team.YELLOW, Team.BLUE):
             raise ArgumentError(f"team must be yellow or blue, got {team!r}")
-        self._team, self._settings = team, settings
+        self._team, self._kick_s = team, kick_s
         self._referees = SourceChoice("referee packets")
         self._packet: Referee | None = None
         self._is_lost = False
@@ -192,13 +192,9 @@ class Game:
             self._since_s = t_s
         if self._kick_from is None:
             self._kick_from = ball_m
-        moved = (
-            ball_m is not None
-            and self._kick_from is not None
-            and math.dist(ball_m, self._kick_from) > self._settings.in_play_m
-        )
+        moved = ball_m is not None and self._kick_from is not None and math.dist(ball_m, self._kick_from) > _IN_PLAY_M
         left_us = None if self._packet is None else self._packet.action_time_left_us
-        is_late = t_s - self._since_s > self._settings.kick_s if left_us is None else left_us < 0
+        is_late = t_s - self._since_s > self._kick_s if left_us is None else left_us < 0
         if moved or is_late:
             self._phase, self._turn = "play", Team.UNKNOWN
 

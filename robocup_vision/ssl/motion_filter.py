@@ -8,7 +8,6 @@ of a frame are filtered in one go.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,36 +22,29 @@ IntArray = npt.NDArray[np.int64]
 class MotionModel:
     """One model of how a robot moves, the same along both axes."""
 
-    decay_s: float  #: its acceleration fades in about this time (Singer 1970); 0: it has none, infinite: it stays
+    decay_s: float  #: its acceleration fades in about this time (Singer 1970); 0: it has none
     power: float  #: of the noise that disturbs it: of the jerk, m^2/s^5, or, without an acceleration, of that, m^2/s^3
 
 
-@dataclass(frozen=True, slots=True)
-class MotionFilterSettings:
-    """Values of `MotionFilter`."""
-
-    #: straight on; speeding up gently; hard; and a command that has just changed
-    models: tuple[MotionModel, ...] = (
-        MotionModel(0.0, 0.001),
-        MotionModel(1.0, 3.0),
-        MotionModel(0.5, 100.0),
-        MotionModel(0.2, 5000.0),
-    )
-    stay_s: float = 1.0  #: mean time for which a robot moves by one model
-    std_m: float = 0.0013  #: noise of a detection, each axis
-    start_speed_mps: float = 2.0  #: how fast something new may be, as a standard deviation
-    #: time constant with which an acceleration is extrapolated beyond the last frame
-    foresight_s: float = 0.03
+# straight on; speeding up gently; hard; and a command that has just changed
+MODELS = (MotionModel(0.0, 0.001), MotionModel(1.0, 3.0), MotionModel(0.5, 100.0), MotionModel(0.2, 5000.0))
+# mean time for which a robot moves by one model
+_STAY_S = 1.0
+# noise of a detection, each axis
+_STD_M = 0.0013
+#: how fast something new may be, as a standard deviation
+START_SPEED_MPS = 2.0
+# time constant with which an acceleration is extrapolated beyond the last frame
+_FORESIGHT_S = 0.03
 
 
 class MotionFilter:
     """Positions and velocities of any number of robots, each in a row of its own."""
 
-    def __init__(self, settings: MotionFilterSettings = MotionFilterSettings()) -> None:
-        self._settings = settings
-        count = len(settings.models)
-        self._decay_s = np.array([model.decay_s for model in settings.models])
-        self._power = np.array([model.power for model in settings.models])
+    def __init__(self, models: tuple[MotionModel, ...] = MODELS) -> None:
+        count = len(models)
+        self._decay_s = np.array([model.decay_s for model in models])
+        self._power = np.array([model.power for model in models])
         self._t_s: FloatArray = np.empty(0)
         # by row, model, axis: position, velocity, acceleration; their covariance is the same for both axes
         self._mean: FloatArray = np.empty((0, count, 2, 3))
@@ -74,12 +66,8 @@ class MotionFilter:
         self._mean[row] = 0.0
         self._mean[row, :, 0, 0], self._mean[row, :, 1, 0] = x_m, y_m
         self._prob[row] = 1.0 / len(self._decay_s)
-        self._cov[row] = np.diag([self._settings.std_m**2, self._settings.start_speed_mps**2, 0.0])
-        self._cov[row, self._decay_s > 0, 2, 2] = self._settings.start_speed_mps**2
-
-    def times_s(self, rows: IntArray) -> FloatArray:
-        """Return of when rows (N,) tell now: (N,) seconds."""
-        return self._t_s[rows]
+        self._cov[row] = np.diag([_STD_M**2, START_SPEED_MPS**2, 0.0])
+        self._cov[row, self._decay_s > 0, 2, 2] = START_SPEED_MPS**2
 
     def predict(self, rows: IntArray, t_s: float) -> None:
         """Go on with rows (N,) to a time; those that are there or beyond stay."""
@@ -104,7 +92,7 @@ class MotionFilter:
         mean, cov = self._mean[rows], self._cov[rows]
         late_s = (self._t_s[rows] - t_s)[:, None, None]
         innovation = places_m[:, None, :] - (mean[..., 0] - late_s * mean[..., 1])
-        total = cov[..., 0, 0] + self._settings.std_m**2
+        total = cov[..., 0, 0] + _STD_M**2
         gain = cov[..., :, 0] / total[..., None]
         self._mean[rows] = mean + innovation[..., None] * gain[..., None, :]
         self._cov[rows] = cov - gain[..., :, None] * cov[..., None, 0, :]
@@ -118,10 +106,10 @@ class MotionFilter:
         """Return positions and velocities (N, 2) of rows (N,) at a time."""
         dt = (t_s - self._t_s[rows])[:, None]
         mean = np.einsum("nk,nkai->nai", self._prob[rows], self._mean[rows])
-        fade_s = self._settings.foresight_s
-        gone = -np.expm1(-np.maximum(dt, 0.0) / fade_s)
-        velocity = mean[..., 1] + fade_s * gone * mean[..., 2]
-        place = mean[..., 0] + dt * mean[..., 1] + fade_s * (np.maximum(dt, 0.0) - fade_s * gone) * mean[..., 2]
+        ahead_s = np.maximum(dt, 0.0)
+        gone = -np.expm1(-ahead_s / _FORESIGHT_S)
+        velocity = mean[..., 1] + _FORESIGHT_S * gone * mean[..., 2]
+        place = mean[..., 0] + dt * mean[..., 1] + _FORESIGHT_S * (ahead_s - _FORESIGHT_S * gone) * mean[..., 2]
         return place, velocity
 
     def _mixed(self, rows: IntArray, dt: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -130,7 +118,7 @@ class MotionFilter:
         mean, cov, before = self._mean[rows], self._cov[rows], self._prob[rows]
         if count == 1:
             return mean, cov
-        stays = np.exp(-dt / self._settings.stay_s)[:, None, None]
+        stays = np.exp(-dt / _STAY_S)[:, None, None]
         change = np.where(np.eye(count, dtype=bool), stays, (1.0 - stays) / (count - 1))
         joint = before[:, :, None] * change
         after = np.maximum(joint.sum(axis=1), 1e-12)
@@ -166,10 +154,8 @@ def _transitions(dt: FloatArray, decay_s: FloatArray) -> FloatArray:
     out[..., 0, 0] = out[..., 1, 1] = 1.0
     out[..., 0, 1] = dt
     for model, fade_s in enumerate(decay_s.tolist()):
-        time = dt[:, 0]
-        if math.isinf(fade_s):
-            out[:, model, 0, 2], out[:, model, 1, 2], out[:, model, 2, 2] = time**2 / 2, time, 1.0
-        elif fade_s > 0:
+        if fade_s > 0:
+            time = dt[:, 0]
             gone = -np.expm1(-time / fade_s)
             out[:, model, 0, 2] = fade_s * (time - fade_s * gone)
             out[:, model, 1, 2] = fade_s * gone

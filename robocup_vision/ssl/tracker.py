@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from robocup_vision.geometry import wrap_angle
-from robocup_vision.ssl.motion_filter import MotionFilter, MotionFilterSettings
+from robocup_vision.ssl.field import ROBOT_RADIUS_M
+from robocup_vision.ssl.motion_filter import START_SPEED_MPS, MotionFilter
 from robocup_vision.ssl.problems import Problems
 from robocup_vision.ssl.steady_clock import SteadyClock
 from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, DetectionRobot, finite_frame
@@ -33,34 +34,24 @@ from robocup_vision.ssl.values.tracked import (
 
 # the league's go up to 15; a sender must not fill the memory
 _MAX_NUMBER = 63
-
-
-@dataclass(frozen=True, slots=True)
-class TrackerSettings:
-    """What is known of robots, ball and cameras of the small-size league."""
-
-    robot: MotionFilterSettings = MotionFilterSettings()  #: how robots move
-    #: noise of a detection: what the cameras of the league's fields show
-    robot_std_rad: float = 0.012
-    ball_std_m: float = 0.0015
-    #: how hard robots speed up and brake their turning, as a standard deviation
-    robot_turn_acceleration_rps2: float = 20.0
-    ball_acceleration_mps2: float = 3.0  #: the same of a ball that is dribbled or touched without being kicked
-    ball_slowing_mps2: float = 0.35  #: of a ball that rolls on carpet
-    #: how fast something new may be, as a standard deviation
-    start_speed_mps: float = 2.0
-    start_turn_rps: float = 5.0
-    #: a detection farther from its prediction is not used at once: at 60 Hz no robot goes so far between two frames,
-    #: and no ball does unless it was kicked
-    max_robot_jump_m: float = 0.15
-    max_ball_jump_m: float = 0.06
-    #: number of successive detections, in agreement with each other but not with the track, that restart it
-    believed_after: int = 2
-    max_lost_s: float = 1.0  #: time without a detection after which a track ends
-    min_apart_m: float = 0.09  #: robots of two numbers nearer to each other than this cannot be two: a robot's radius
-    #: how far from the field's centre a ball is played with, along x and y: of two balls the one within, or nearer to
-    #: it, is the game's. Default: of the league's largest field.
-    reach_m: tuple[float, float] = (6.3, 4.8)
+# noise of a detection: what the cameras of the league's fields show
+_ROBOT_STD_RAD, _BALL_STD_M = 0.012, 0.0015
+# how hard robots speed up and brake their turning, and a ball that is dribbled or touched without being kicked,
+# as standard deviations
+_TURN_ACCELERATION_RPS2, _BALL_ACCELERATION_MPS2 = 20.0, 3.0
+# of a ball that rolls on carpet
+_BALL_SLOWING_MPS2 = 0.35
+# how fast something new may turn, as a standard deviation
+_START_TURN_RPS = 5.0
+# a detection farther from its prediction is not used at once: at 60 Hz no robot goes so far between two frames, and no
+# ball does unless it was kicked
+_MAX_ROBOT_JUMP_M, _MAX_BALL_JUMP_M = 0.15, 0.06
+# time without a detection after which a track ends
+_MAX_LOST_S = 1.0
+# robots of two numbers nearer to each other than a robot's radius cannot be two
+_MIN_APART_M = ROBOT_RADIUS_M
+# of the league's largest field
+_REACH_M = (6.3, 4.8)
 
 
 class _Coordinate:
@@ -68,8 +59,8 @@ class _Coordinate:
 
     __slots__ = ("p_rate", "p_value", "p_value_rate", "rate", "value")
 
-    def __init__(self, value: float, value_std: float, rate: float, rate_std: float) -> None:
-        self.value, self.rate = value, rate
+    def __init__(self, value: float, value_std: float, rate_std: float) -> None:
+        self.value, self.rate = value, 0.0
         self.p_value, self.p_value_rate, self.p_rate = value_std**2, 0.0, rate_std**2
 
     def predict(self, dt_s: float, acceleration_std: float) -> None:
@@ -90,61 +81,66 @@ class _Coordinate:
         self.p_value_rate *= 1 - gain
 
 
-class _UnusedDetections:
-    """Detections in a row that were not used."""
+class _Track:
+    """What is known of a thing: when it was seen, and the last detection if that was not used: time, x and y."""
 
-    def __init__(self) -> None:
-        self.doubted: list[tuple[float, float, float]] = []
+    def __init__(self, t_s: float) -> None:
+        self.t_s = self.seen_s = t_s
+        self._doubted: tuple[float, float, float] | None = None
 
-    def doubt(self, t_s: float, x: float, y: float, jump_m: float, believed_after: int) -> bool:
-        """Note a detection that is not where it was predicted; return whether enough of them agree."""
-        if self.doubted:
-            before_s, bx, by = self.doubted[-1]
-            # another place, or one so old that nothing links the two
-            if math.hypot(x - bx, y - by) > 3 * jump_m or t_s - before_s > 0.1:
-                self.doubted = []
-        self.doubted.append((t_s, x, y))
-        return len(self.doubted) >= believed_after
+    def trust(self) -> None:
+        """Forget the detection that was not used."""
+        self._doubted = None
+
+    def doubt(self, t_s: float, x: float, y: float, jump_m: float) -> tuple[float, float, float] | None:
+        """Note a detection that is not where it was predicted; return the one before it, if the two agree."""
+        before, self._doubted = self._doubted, (t_s, x, y)
+        if before is None:
+            return None
+        before_s, bx, by = before
+        # another place, or one so old that nothing links the two
+        return None if math.hypot(x - bx, y - by) > 3 * jump_m or t_s - before_s > 0.1 else before
 
 
-class _BallTrack(_UnusedDetections):
+class _BallTrack(_Track):
     """The ball as it moves over the floor."""
 
-    def __init__(self, t_s: float, x: float, y: float, s: TrackerSettings) -> None:
-        super().__init__()
-        self.t_s = self.seen_s = t_s
-        self.x = _Coordinate(x, s.ball_std_m, 0.0, s.start_speed_mps)
-        self.y = _Coordinate(y, s.ball_std_m, 0.0, s.start_speed_mps)
+    def __init__(self, t_s: float, x: float, y: float) -> None:
+        super().__init__(t_s)
+        self.x = _Coordinate(x, _BALL_STD_M, START_SPEED_MPS)
+        self.y = _Coordinate(y, _BALL_STD_M, START_SPEED_MPS)
 
 
-class _RobotTrack(_UnusedDetections):
+class _RobotTrack(_Track):
     """A robot: its row in the filter, and its direction."""
 
-    def __init__(self, row: int, t_s: float, angle: float, s: TrackerSettings) -> None:
-        super().__init__()
+    def __init__(self, row: int, t_s: float, angle: float) -> None:
+        super().__init__(t_s)
         self.row = row
-        self.start(t_s, angle, s)
-
-    def start(self, t_s: float, angle: float, s: TrackerSettings) -> None:
-        self.seen_s = self.t_s = t_s
-        self.angle = _Coordinate(angle, s.robot_std_rad, 0.0, s.start_turn_rps)
-        self.doubted = []
+        self.angle = _Coordinate(angle, _ROBOT_STD_RAD, _START_TURN_RPS)
 
 
 RobotKey = tuple[Team, int]
 
 
 class OverheadTracker:
-    """Follows robots and one ball."""
+    """Follows robots and one ball.
 
-    def __init__(self, settings: TrackerSettings = TrackerSettings()) -> None:
-        self._settings = settings
-        self._motion = MotionFilter(settings.robot)
+    Parameters
+    ----------
+    reach_m : (float, float)
+        How far from the field's centre the ball is played with, along x and y: of two balls the one within, or nearer
+        to it, is the game's.
+    """
+
+    def __init__(self, reach_m: tuple[float, float] = _REACH_M) -> None:
+        self._reach_m = reach_m
+        self._motion = MotionFilter()
         self._robots: dict[RobotKey, _RobotTrack] = {}
         self._ball: _BallTrack | None = None
         self._frames = 0
         self.problems = Problems()
-        self._clock = SteadyClock(settings.max_lost_s, self.problems)
+        self._clock = SteadyClock(_MAX_LOST_S, self.problems)
 
     @property
     def newest_s(self) -> float:
@@ -181,11 +177,7 @@ class OverheadTracker:
 
     def at_steady(self, t_s: float) -> TrackedFrame:
         """Return the world at a steady time, predicted from what has been seen."""
-        known = [
-            (key, track)
-            for key, track in sorted(self._robots.items())
-            if t_s - track.seen_s <= self._settings.max_lost_s
-        ]
+        known = [(key, track) for key, track in sorted(self._robots.items()) if t_s - track.seen_s <= _MAX_LOST_S]
         places, velocities = self._motion.at(np.array([track.row for _, track in known], dtype=np.int64), t_s)
         robots = tuple(
             TrackedRobot(
@@ -194,13 +186,13 @@ class OverheadTracker:
                 wrap_angle(track.angle.value + (t_s - track.t_s) * track.angle.rate),
                 Vector2(*velocity),
                 track.angle.rate,
-                self._visibility(track.seen_s, t_s),
+                _visibility(track.seen_s, t_s),
             )
             for ((color, number), track), place, velocity in zip(
                 known, places.tolist(), velocities.tolist(), strict=True
             )
         )
-        balls = () if self._ball is None else (self._ball_at(self._ball, t_s),)
+        balls = () if self._ball is None else (_ball_at(self._ball, t_s),)
         return TrackedFrame(self._frames, t_s, balls, robots)
 
     def _likelier(self, key: RobotKey, one: DetectionRobot, other: DetectionRobot, t_s: float) -> DetectionRobot:
@@ -212,7 +204,7 @@ class OverheadTracker:
             f"({other.x_m:.2f}, {other.y_m:.2f}) m in one frame",
         )
         track = self._robots.get(key)
-        if track is None or t_s - track.seen_s > self._settings.max_lost_s:
+        if track is None or t_s - track.seen_s > _MAX_LOST_S:
             return max(one, other, key=lambda robot: robot.confidence)
         places = np.array([(one.x_m, one.y_m), (other.x_m, other.y_m)])
         away = np.hypot(*self._motion.innovations(np.array([track.row, track.row]), places, t_s).T)
@@ -223,74 +215,55 @@ class OverheadTracker:
         in_a_row = sorted(seen.items(), key=lambda entry: entry[1].x_m)
         for place, ((color, number), robot) in enumerate(in_a_row):
             for (other_color, other_number), other in in_a_row[place + 1 :]:
-                if other.x_m - robot.x_m >= self._settings.min_apart_m:
+                if other.x_m - robot.x_m >= _MIN_APART_M:
                     break
-                if abs(other.y_m - robot.y_m) < self._settings.min_apart_m:
+                if abs(other.y_m - robot.y_m) < _MIN_APART_M:
                     pair = f"{color.name.lower()} {number} and {other_color.name.lower()} {other_number}"
                     self.problems.add(
                         f"{pair} are seen at one place", f"{pair} are seen at ({robot.x_m:.2f}, {robot.y_m:.2f}) m"
                     )
 
-    def _visibility(self, seen_s: float, t_s: float) -> float:
-        return max(0.0, min(1.0, 1.0 - (t_s - seen_s) / self._settings.max_lost_s))
-
-    def _ball_at(self, track: _BallTrack, t_s: float) -> TrackedBall:
-        x, y, vx, vy = _rolled(track, t_s - track.t_s, self._settings.ball_slowing_mps2)
-        return TrackedBall(Vector3(x, y, 0.0), Vector3(vx, vy, 0.0), self._visibility(track.seen_s, t_s))
-
     def _update_robots(self, seen: dict[RobotKey, DetectionRobot], t_s: float) -> None:
-        s = self._settings
         followed = []
         for key, robot in seen.items():
             track = self._robots.get(key)
-            if track is None:
-                track = self._robots[key] = _RobotTrack(self._motion.add(), t_s, robot.orientation_rad or 0.0, s)
-            elif t_s - track.seen_s <= s.max_lost_s:
-                followed.append((track, robot))
-                continue
-            self._start(track, robot, t_s)
+            if track is not None and t_s - track.seen_s <= _MAX_LOST_S:
+                followed.append((key, track, robot))
+            else:
+                self._start(key, self._motion.add() if track is None else track.row, robot, t_s)
         if not followed:
             return
-        rows = np.array([track.row for track, _ in followed], dtype=np.int64)
-        places = np.array([(robot.x_m, robot.y_m) for _, robot in followed])
+        rows = np.array([track.row for _, track, _ in followed], dtype=np.int64)
+        places = np.array([(robot.x_m, robot.y_m) for _, _, robot in followed])
         self._motion.predict(rows, t_s)
         # of another camera's frame, exposed a moment earlier, it is compared with where it was then
         away = np.hypot(*self._motion.innovations(rows, places, t_s).T)
-        near = away <= s.max_robot_jump_m
+        near = away <= _MAX_ROBOT_JUMP_M
         if near.any():
             self._motion.update(rows[near], places[near], t_s)
-        for (track, robot), is_near in zip(followed, near.tolist(), strict=True):
+        for (key, track, robot), is_near in zip(followed, near.tolist(), strict=True):
             if is_near:
-                track.doubted = []
-                self._turn(track, robot, t_s)
-            elif track.doubt(t_s, robot.x_m, robot.y_m, s.max_robot_jump_m, s.believed_after):
-                self._start(track, robot, t_s)
+                track.trust()
+                _turn(track, robot, t_s)
+            elif track.doubt(t_s, robot.x_m, robot.y_m, _MAX_ROBOT_JUMP_M):
+                self._start(key, track.row, robot, t_s)
 
-    def _start(self, track: _RobotTrack, robot: DetectionRobot, t_s: float) -> None:
-        track.start(t_s, robot.orientation_rad or 0.0, self._settings)
-        self._motion.start(track.row, t_s, robot.x_m, robot.y_m)
-
-    def _turn(self, track: _RobotTrack, robot: DetectionRobot, t_s: float) -> None:
-        """Take in a robot's direction."""
-        s, angle = self._settings, track.angle
-        angle.predict(max(t_s - track.t_s, 0.0), s.robot_turn_acceleration_rps2)
-        track.t_s = track.seen_s = max(t_s, track.t_s)
-        if robot.orientation_rad is not None:
-            expected = angle.value - (track.t_s - t_s) * angle.rate
-            angle.update(wrap_angle(robot.orientation_rad - expected), s.robot_std_rad)
+    def _start(self, key: RobotKey, row: int, robot: DetectionRobot, t_s: float) -> None:
+        self._robots[key] = _RobotTrack(row, t_s, robot.orientation_rad or 0.0)
+        self._motion.start(row, t_s, robot.x_m, robot.y_m)
 
     def _update_ball(self, balls: Sequence[DetectionBall], t_s: float) -> None:
-        s, track = self._settings, self._ball
+        track = self._ball
         if not balls:
             return
-        if track is None or t_s - track.seen_s > s.max_lost_s:
+        if track is None or t_s - track.seen_s > _MAX_LOST_S:
             best = min(balls, key=lambda ball: (self._outside_m(ball.x_m, ball.y_m), -ball.confidence))
-            self._ball = _BallTrack(t_s, best.x_m, best.y_m, s)
+            self._ball = _BallTrack(t_s, best.x_m, best.y_m)
             return
         dt_s = max(t_s - track.t_s, 0.0)
-        x, y, vx, vy = _rolled(track, dt_s, s.ball_slowing_mps2)
-        track.x.predict(dt_s, s.ball_acceleration_mps2)
-        track.y.predict(dt_s, s.ball_acceleration_mps2)
+        x, y, vx, vy = _rolled(track, dt_s)
+        track.x.predict(dt_s, _BALL_ACCELERATION_MPS2)
+        track.y.predict(dt_s, _BALL_ACCELERATION_MPS2)
         track.x.value, track.x.rate, track.y.value, track.y.rate = x, vx, y, vy
         track.t_s = max(t_s, track.t_s)
         late_s = track.t_s - t_s
@@ -298,44 +271,64 @@ class OverheadTracker:
         if self._outside_m(x, y) > 0:
             # what was followed may be a spare ball
             nearest_m = min(self._outside_m(ball.x_m, ball.y_m) for ball in balls)
-            balls = [ball for ball in balls if self._outside_m(ball.x_m, ball.y_m) <= nearest_m + s.max_ball_jump_m]
+            balls = [ball for ball in balls if self._outside_m(ball.x_m, ball.y_m) <= nearest_m + _MAX_BALL_JUMP_M]
         ball = min(balls, key=lambda ball: math.hypot(ball.x_m - x, ball.y_m - y))
         dx, dy = ball.x_m - x, ball.y_m - y
         # the longer it was hidden, the farther it may have got
-        allowed_m = s.max_ball_jump_m + 3 * math.sqrt(max(track.x.p_value, track.y.p_value))
+        allowed_m = _MAX_BALL_JUMP_M + 3 * math.sqrt(max(track.x.p_value, track.y.p_value))
         if math.hypot(dx, dy) > allowed_m:
-            if track.doubt(t_s, ball.x_m, ball.y_m, s.max_ball_jump_m, s.believed_after):
-                self._ball = _restarted(track.doubted, s)
+            before = track.doubt(t_s, ball.x_m, ball.y_m, _MAX_BALL_JUMP_M)
+            if before is not None:
+                self._ball = _restarted(before, (t_s, ball.x_m, ball.y_m))
             return
-        track.doubted = []
+        track.trust()
         track.seen_s = track.t_s
-        track.x.update(dx, s.ball_std_m)
-        track.y.update(dy, s.ball_std_m)
+        track.x.update(dx, _BALL_STD_M)
+        track.y.update(dy, _BALL_STD_M)
 
     def _outside_m(self, x_m: float, y_m: float) -> float:
         """Return how far a place is from where the ball is played with."""
-        half_x, half_y = self._settings.reach_m
+        half_x, half_y = self._reach_m
         return math.hypot(max(abs(x_m) - half_x, 0.0), max(abs(y_m) - half_y, 0.0))
 
 
-def _restarted(doubted: list[tuple[float, float, float]], settings: TrackerSettings) -> _BallTrack:
-    """Return the track of a ball that was kicked or carried off: its velocity is that between the detections."""
-    (t0_s, x0, y0), (t1_s, x1, y1) = doubted[0], doubted[-1]
-    track = _BallTrack(t1_s, x1, y1, settings)
+def _visibility(seen_s: float, t_s: float) -> float:
+    return max(0.0, min(1.0, 1.0 - (t_s - seen_s) / _MAX_LOST_S))
+
+
+def _ball_at(track: _BallTrack, t_s: float) -> TrackedBall:
+    x, y, vx, vy = _rolled(track, t_s - track.t_s)
+    return TrackedBall(Vector3(x, y, 0.0), Vector3(vx, vy, 0.0), _visibility(track.seen_s, t_s))
+
+
+def _turn(track: _RobotTrack, robot: DetectionRobot, t_s: float) -> None:
+    """Take in a robot's direction."""
+    angle = track.angle
+    angle.predict(max(t_s - track.t_s, 0.0), _TURN_ACCELERATION_RPS2)
+    track.t_s = track.seen_s = max(t_s, track.t_s)
+    if robot.orientation_rad is not None:
+        expected = angle.value - (track.t_s - t_s) * angle.rate
+        angle.update(wrap_angle(robot.orientation_rad - expected), _ROBOT_STD_RAD)
+
+
+def _restarted(before: tuple[float, float, float], now: tuple[float, float, float]) -> _BallTrack:
+    """Return the track of a ball that was kicked or carried off: its velocity is that between two detections."""
+    (t0_s, x0, y0), (t1_s, x1, y1) = before, now
+    track = _BallTrack(t1_s, x1, y1)
     dt_s = t1_s - t0_s
     if dt_s > 0:
         track.x.rate, track.y.rate = (x1 - x0) / dt_s, (y1 - y0) / dt_s
-        track.x.p_rate = track.y.p_rate = 2 * (settings.ball_std_m / dt_s) ** 2
+        track.x.p_rate = track.y.p_rate = 2 * (_BALL_STD_M / dt_s) ** 2
     return track
 
 
-def _rolled(track: _BallTrack, dt_s: float, slowing_mps2: float) -> tuple[float, float, float, float]:
+def _rolled(track: _BallTrack, dt_s: float) -> tuple[float, float, float, float]:
     """Return place and velocity of a ball after it rolled on for a while, back in time without slowing."""
     vx, vy = track.x.rate, track.y.rate
     speed = math.hypot(vx, vy)
     if dt_s <= 0 or speed <= 0:
         return track.x.value + dt_s * vx, track.y.value + dt_s * vy, vx, vy
-    rolls_s = min(dt_s, speed / slowing_mps2)
-    way = rolls_s - slowing_mps2 * rolls_s**2 / (2 * speed)
-    kept = max(1 - slowing_mps2 * dt_s / speed, 0.0)
+    rolls_s = min(dt_s, speed / _BALL_SLOWING_MPS2)
+    way = rolls_s - _BALL_SLOWING_MPS2 * rolls_s**2 / (2 * speed)
+    kept = max(1 - _BALL_SLOWING_MPS2 * dt_s / speed, 0.0)
     return track.x.value + way * vx, track.y.value + way * vy, kept * vx, kept * vy

@@ -14,7 +14,7 @@ from field_models import Field
 from field_models.errors import ArgumentError
 from robocup_vision.ssl.controller_clients import CiClient
 from robocup_vision.ssl.field import geometry_from_field
-from robocup_vision.ssl.game import Game, GameSettings
+from robocup_vision.ssl.game import Game
 from robocup_vision.ssl.subscriptions import RefereeClient
 from robocup_vision.ssl.values.referee import CiInput, Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
@@ -97,7 +97,7 @@ class ForeignReferee:
 
     def __init__(self, source: RefereeSource, field: Field) -> None:
         self._source, self._field = source, field
-        self._game = Game(Team.YELLOW, GameSettings(kick_s=kick_time_s(field)))
+        self._game = Game(Team.YELLOW, kick_time_s(field))
         self._packet: Referee | None = None
         self._blue_positive = True
         self.phase: Phase = "halt"

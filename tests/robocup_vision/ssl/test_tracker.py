@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robocup_vision.geometry import wrap_angle
-from robocup_vision.ssl.motion_filter import MotionFilter, MotionFilterSettings, MotionModel
+from robocup_vision.ssl.motion_filter import MODELS, MotionFilter, MotionModel
 from robocup_vision.ssl.tracker import OverheadTracker
 from robocup_vision.ssl.values.detection import DetectionBall, DetectionFrame, DetectionRobot
 from robocup_vision.ssl.values.simulation import Team
@@ -185,9 +185,9 @@ def test_of_a_number_seen_twice_the_one_on_its_track_is_followed_and_overlaps_ar
 RATE = 60.0
 
 
-def follow(places, times, settings=MotionFilterSettings()):
+def follow(places, times, models=MODELS):
     """Return a filter with one row that has taken in places (N, 2) at times (N,), and its estimates after each."""
-    made = MotionFilter(settings)
+    made = MotionFilter(models)
     row = np.array([made.add()])
     made.start(0, times[0], *places[0])
     out = []
@@ -232,18 +232,18 @@ def test_several_models_are_better_than_detections_and_than_each_alone():
     times, true = driven(20.0, 5)
     noisy = true[:, :2] + np.random.default_rng(6).normal(0.0, 0.0013, (len(times), 2))
 
-    def errors(settings):
-        _, found = follow(noisy, times, settings)
+    def errors(models):
+        _, found = follow(noisy, times, models)
         rest = (found - true[1:])[60:]
         return math.sqrt(np.mean(rest[:, :2] ** 2)), math.sqrt(np.mean(rest[:, 2:] ** 2))
 
-    place, velocity = errors(MotionFilterSettings())
+    place, velocity = errors(MODELS)
     assert place < 0.8 * 0.0013
     assert velocity < 0.05
-    for model in MotionFilterSettings().models:
-        alone = errors(MotionFilterSettings(models=(model,)))
+    for model in MODELS:
+        alone = errors((model,))
         assert place < alone[0] or velocity < alone[1]
-    straight = errors(MotionFilterSettings(models=(MotionModel(0.0, 0.1),)))
+    straight = errors((MotionModel(0.0, 0.1),))
     assert velocity < straight[1]
 
 
@@ -270,7 +270,6 @@ def test_a_frame_that_comes_late_counts_for_its_own_time():
     row, late_s = np.array([0]), times[-1] - 0.01
     assert made.innovations(row, np.array([[2.0 * late_s, 0.0]]), late_s) == pytest.approx(np.zeros((1, 2)), abs=2e-3)
     made.predict(row, late_s)
-    assert made.times_s(row)[0] == times[-1]
     made.update(row, np.array([[2.0 * late_s, 0.0]]), late_s)
     assert made.at(row, times[-1])[0][0] == pytest.approx([2.0 * times[-1], 0.0], abs=2e-3)
 
