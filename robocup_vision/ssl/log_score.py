@@ -8,9 +8,9 @@ packets of sim2d are the truth; those of another tracker are its opinion.
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, fields
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import wrap_angle
@@ -73,21 +73,6 @@ class TrackerScore:
     ball_refound_s: float | None  #: the longest time from when it was seen again until the tracker had it
 
 
-@dataclass(slots=True)
-class _Sums:
-    place: _Squares = field(default_factory=_Squares)
-    last_place: _Squares = field(default_factory=_Squares)
-    angle: _Squares = field(default_factory=_Squares)
-    last_angle: _Squares = field(default_factory=_Squares)
-    velocity: _Squares = field(default_factory=_Squares)
-    exposed: _Squares = field(default_factory=_Squares)
-    exposed_last: _Squares = field(default_factory=_Squares)
-    exposed_velocity: _Squares = field(default_factory=_Squares)
-    ball: _Squares = field(default_factory=_Squares)
-    last_ball: _Squares = field(default_factory=_Squares)
-    ball_velocity: _Squares = field(default_factory=_Squares)
-
-
 def score_log(
     entries: Iterable[LogEntry], tracker: OverheadTracker | None = None, unreadable: Unreadable | None = None
 ) -> TrackerScore:
@@ -123,7 +108,7 @@ def score_log(
 class _Run:
     def __init__(self, tracker: OverheadTracker) -> None:
         self._tracker = tracker
-        self._sums = _Sums()
+        self._sums: dict[str, _Squares] = defaultdict(_Squares)
         self._robots: dict[tuple[Team, int], tuple[float, float, float]] = {}
         self._ball: tuple[float, float] | None = None
         self._begin_s: float | None = None
@@ -185,22 +170,22 @@ class _Run:
                     continue
                 x = moving.position_m.x + past_s * moving.velocity_mps.x
                 y = moving.position_m.y + past_s * moving.velocity_mps.y
-                sums.exposed.add((known.position_m.x - x) ** 2 + (known.position_m.y - y) ** 2)
-                sums.exposed_last.add((robot.x_m - x) ** 2 + (robot.y_m - y) ** 2)
+                sums["exposed_rms_m"].add((known.position_m.x - x) ** 2 + (known.position_m.y - y) ** 2)
+                sums["exposed_last_rms_m"].add((robot.x_m - x) ** 2 + (robot.y_m - y) ** 2)
                 if known.velocity_mps is not None:
                     dx = known.velocity_mps.x - moving.velocity_mps.x
                     dy = known.velocity_mps.y - moving.velocity_mps.y
-                    sums.exposed_velocity.add(dx**2 + dy**2)
+                    sums["exposed_velocity_rms_mps"].add(dx**2 + dy**2)
 
     def _compare_robot(self, truth: TrackedRobot, ours: TrackedRobot, last: tuple[float, float, float]) -> None:
         sums, place = self._sums, truth.position_m
-        sums.place.add((ours.position_m.x - place.x) ** 2 + (ours.position_m.y - place.y) ** 2)
-        sums.last_place.add((last[0] - place.x) ** 2 + (last[1] - place.y) ** 2)
-        sums.angle.add(wrap_angle(ours.orientation_rad - truth.orientation_rad) ** 2)
-        sums.last_angle.add(wrap_angle(last[2] - truth.orientation_rad) ** 2)
+        sums["robot_rms_m"].add((ours.position_m.x - place.x) ** 2 + (ours.position_m.y - place.y) ** 2)
+        sums["robot_last_rms_m"].add((last[0] - place.x) ** 2 + (last[1] - place.y) ** 2)
+        sums["robot_rms_rad"].add(wrap_angle(ours.orientation_rad - truth.orientation_rad) ** 2)
+        sums["robot_last_rms_rad"].add(wrap_angle(last[2] - truth.orientation_rad) ** 2)
         if truth.velocity_mps is not None and ours.velocity_mps is not None:
             dx, dy = ours.velocity_mps.x - truth.velocity_mps.x, ours.velocity_mps.y - truth.velocity_mps.y
-            sums.velocity.add(dx**2 + dy**2)
+            sums["robot_velocity_rms_mps"].add(dx**2 + dy**2)
 
     def _compare_ball(self, truth: TrackedFrame, ours: TrackedFrame, last: tuple[float, float]) -> None:
         sums, there, here = self._sums, truth.balls[0], ours.balls[0]
@@ -212,29 +197,19 @@ class _Run:
             self._refinding_since_s = None
         if truth.t_s - self._ball_seen_s > _HIDDEN_S:
             return
-        sums.ball.add(error2)
-        sums.last_ball.add((last[0] - place.x) ** 2 + (last[1] - place.y) ** 2)
+        sums["ball_rms_m"].add(error2)
+        sums["ball_last_rms_m"].add((last[0] - place.x) ** 2 + (last[1] - place.y) ** 2)
         if there.velocity_mps is not None and here.velocity_mps is not None:
             dx, dy = here.velocity_mps.x - there.velocity_mps.x, here.velocity_mps.y - there.velocity_mps.y
-            sums.ball_velocity.add(dx**2 + dy**2)
+            sums["ball_velocity_rms_mps"].add(dx**2 + dy**2)
 
     @property
     def score(self) -> TrackerScore:
-        sums = self._sums
+        errors = {key.name: self._sums[key.name].rms for key in fields(TrackerScore) if "_rms_" in key.name}
         return TrackerScore(
-            self._source,
-            self.frames,
-            sums.place.rms,
-            sums.last_place.rms,
-            sums.angle.rms,
-            sums.last_angle.rms,
-            sums.velocity.rms,
-            sums.exposed.rms,
-            sums.exposed_last.rms,
-            sums.exposed_velocity.rms,
-            sums.ball.rms,
-            sums.last_ball.rms,
-            sums.ball_velocity.rms,
-            self._hidden,
-            self._refound_s,
+            source=self._source,
+            frames=self.frames,
+            ball_hidden=self._hidden,
+            ball_refound_s=self._refound_s,
+            **errors,
         )

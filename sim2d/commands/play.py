@@ -40,14 +40,12 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 def run_play(args: argparse.Namespace) -> int:
     """Play until interrupted or the time is over; return the exit status."""
-    import dataclasses
     import math
 
     from field_models import load_field
     from field_models.errors import ArgumentError
     from robocup_vision.ssl.values.simulation import Team
     from sim2d.network.team.client import TeamClient
-    from sim2d.network.team.team import TeamSettings
 
     if args.seconds is not None and not 0 < args.seconds < math.inf:
         raise ArgumentError(f"--seconds must be positive, got {args.seconds}")
@@ -57,12 +55,10 @@ def run_play(args: argparse.Namespace) -> int:
         port = getattr(args, name)
         if port is not None and not 1 <= port <= 65535:
             raise ArgumentError(f"--{name.replace('_', '-')} must be from 1 to 65535, got {port}")
-    settings = TeamSettings()
-    settings = dataclasses.replace(settings, limits=dataclasses.replace(settings.limits, speed_mps=args.speed))
     with TeamClient(
         Team[args.team.upper()],
         load_field(args.field),
-        settings,
+        speed_mps=args.speed,
         host=args.host,
         interface=args.network,
         vision_port=args.vision_port,

@@ -88,7 +88,7 @@ def run_simulate(args: argparse.Namespace) -> int:
     from sim2d.network.controller_link import ControllerLink
     from sim2d.network.league import LeagueSimulator
     from sim2d.network.realism import realism_named
-    from sim2d.network.server import LeagueServer, Ports, ServerSettings
+    from sim2d.network.server import LeagueServer, Ports
     from sim2d.network.vision import CameraImages
 
     if args.speed != 0 and not MIN_CLOCK_RATIO <= args.speed <= MAX_CLOCK_RATIO:
@@ -113,12 +113,13 @@ def run_simulate(args: argparse.Namespace) -> int:
     ports = Ports(args.control_port, args.tracker_port, args.referee_port)
     if args.ci and args.game_controller is None:
         raise ArgumentError("--ci needs --game-controller HOST")
-    settings = ServerSettings(own_referee_returns=args.own_referee_returns)
     with ExitStack() as opened:
         controller = None
         if args.game_controller is not None:
             controller = opened.enter_context(ControllerLink(field, args.game_controller, drives=args.ci))
-        server = opened.enter_context(LeagueServer(simulator, args.network, ports, settings, controller))
+        server = opened.enter_context(
+            LeagueServer(simulator, args.network, ports, controller, own_referee_returns=args.own_referee_returns)
+        )
         print(f"{args.field}, {args.players} against {args.players}, realism {args.realism}, network {args.network}")
         print(f"vision 224.5.23.2:{args.vision_port}, tracker 224.5.23.2:{ports.tracker}, referee 224.5.23.1:", end="")
         print(f"{ports.referee}; control {ports.control}, blue {ports.blue}, yellow {ports.yellow}", flush=True)

@@ -18,7 +18,7 @@ from robocup_vision.ssl.values.simulation import RobotControlResponse as Respons
 from robocup_vision.ssl.values.simulation import RobotFeedback as Feedback
 from robocup_vision.ssl.values.simulation import Team
 from sim2d.match.setups import setup_for
-from sim2d.network.team.team import OverheadTeam, TeamSettings, robot_command
+from sim2d.network.team.team import OverheadTeam, robot_command
 from sim2d.network.world import MAX_NUMBER, SIDES, LeagueWorld
 from sim2d.players.catalog import PLAYERS, player_factory
 from sim2d.robot_link import Player, PlayerSetup, Senses
@@ -146,7 +146,7 @@ class CameraRobots:
             command = self._players[number].act(senses)
             if command.pan_rad is not None:
                 self._pan_rad[number] = command.pan_rad
-            world.command(self.team, robot_command(number, command, TeamSettings().dribbler_rps))
+            world.command(self.team, robot_command(number, command))
 
 
 BuiltInRobots = OverheadRobots | CameraRobots

@@ -7,35 +7,36 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Protocol
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from field_models import Field
 from field_models.errors import ArgumentError, PacketError
 from robocup_vision.geometry import Pose2
 from robocup_vision.ssl.field import field_from_geometry
 from robocup_vision.ssl.protocol.mapping import decode
 from robocup_vision.ssl.values.geometry import Geometry
 from robocup_vision.ssl.values.simulation import (
+    AnyMessage,
     ErForceRealism,
     ErForceRobotSpec,
-    RealismConfig,
     RobotId,
     RobotSpecs,
     SimulatorCommand,
-    SimulatorConfig,
-    SimulatorControl,
     SimulatorError,
     Team,
     TeleportBall,
     TeleportRobot,
 )
-from sim2d.network.realism import UNSUPPORTED, Realism, changed_realism
-from sim2d.network.world import MAX_NUMBER, LeagueWorld
+from sim2d.network.realism import UNSUPPORTED, changed_realism
+from sim2d.network.world import MAX_NUMBER
 from sim2d.world.ball_physics import Flight
 from sim2d.world.robot_spec import RobotSpec
 from sim2d.world.state import BallState
+
+if TYPE_CHECKING:
+    from sim2d.network.league import LeagueSimulator
 
 # where things can be put, how fast they can be, how large a field can be: far beyond the league's, and finite
 MAX_PLACE_M, MAX_SPEED_MPS, MAX_TURN_RPS, MAX_HEIGHT_M = 20.0, 30.0, 100.0, 20.0
@@ -60,88 +61,56 @@ _SPEC_RANGES = {
 }
 
 
-class Controlled(Protocol):
-    """What simulation control changes, as `sim2d.network.league.LeagueSimulator` holds it."""
-
-    world: LeagueWorld
-    speed: float
-    vision_port: int
-
-    @property
-    def realism(self) -> Realism:
-        """How real it is now."""
-        ...
-
-    def set_realism(self, realism: Realism) -> None:
-        """Change how real it is."""
-        ...
-
-    def set_field(self, field: Field, flight: Flight) -> None:
-        """Lay out another field."""
-        ...
-
-
 class _Refused(Exception):
     """Something that is not done: its code and why."""
 
-    def __init__(self, code: str, message: str) -> None:
-        super().__init__(message)
-        self.error = SimulatorError(code, message)
+    def __init__(self, code: str, *messages: str) -> None:
+        super().__init__(code)
+        self.errors = [SimulatorError(code, message) for message in messages]
 
 
-def apply_command(simulator: Controlled, command: SimulatorCommand) -> list[SimulatorError]:
+def apply_command(simulator: LeagueSimulator, command: SimulatorCommand) -> list[SimulatorError]:
     """Execute a command; return the parts that were not executed."""
     errors: list[SimulatorError] = []
-    # settings first: what is put on another field belongs there
-    if command.config is not None:
-        _configure(simulator, command.config, errors)
-    if command.control is not None:
-        _control(simulator, command.control, errors)
+    for execute, part in _parts(command):
+        try:
+            if part is not None:
+                execute(simulator, part)
+        except _Refused as refused:
+            errors += refused.errors
     return errors
 
 
-def _control(simulator: Controlled, control: SimulatorControl, errors: list[SimulatorError]) -> None:
-    for robot in control.robots:
-        try:
-            _teleport_robot(simulator, robot)
-        except _Refused as refused:
-            errors.append(refused.error)
-    try:
-        if control.ball is not None:
-            _teleport_ball(simulator, control.ball)
-    except _Refused as refused:
-        errors.append(refused.error)
-    if control.speed is not None:
-        if control.speed == 0 or MIN_CLOCK_RATIO <= control.speed <= MAX_CLOCK_RATIO:
-            simulator.speed = control.speed
-        else:
-            words = (
-                f"simulation_speed must be 0 or from {MIN_CLOCK_RATIO:g} to {MAX_CLOCK_RATIO:g}, got {control.speed}"
-            )
-            errors.append(SimulatorError("SPEED_RANGE", words))
+def _parts(command: SimulatorCommand) -> Iterator[tuple[Callable[[LeagueSimulator, Any], None], Any]]:
+    """Yield what does each part of a command, and the part."""
+    config, control = command.config, command.control
+    # settings first: what is put on another field belongs there
+    if config is not None:
+        yield _set_geometry, config.geometry
+        yield from ((_set_spec, specs) for specs in config.robot_specs)
+        if config.realism is not None:
+            yield from ((_set_realism, custom) for custom in config.realism.custom)
+        yield _set_vision_port, config.vision_port
+    if control is not None:
+        yield from ((_teleport_robot, robot) for robot in control.robots)
+        yield _teleport_ball, control.ball
+        yield _set_speed, control.speed
 
 
-def _configure(simulator: Controlled, config: SimulatorConfig, errors: list[SimulatorError]) -> None:
-    try:
-        if config.geometry is not None:
-            _set_geometry(simulator, config.geometry)
-    except _Refused as refused:
-        errors.append(refused.error)
-    for specs in config.robot_specs:
-        try:
-            _set_spec(simulator, specs)
-        except _Refused as refused:
-            errors.append(refused.error)
-    if config.realism is not None:
-        _set_realism(simulator, config.realism, errors)
-    if config.vision_port is not None:
-        if 1 <= config.vision_port <= 65535:
-            simulator.vision_port = config.vision_port
-        else:
-            errors.append(SimulatorError("VISION_PORT", f"there is no port {config.vision_port}"))
+def _set_speed(simulator: LeagueSimulator, speed: float) -> None:
+    if speed != 0 and not MIN_CLOCK_RATIO <= speed <= MAX_CLOCK_RATIO:
+        limits = f"0 or from {MIN_CLOCK_RATIO:g} to {MAX_CLOCK_RATIO:g}"
+        raise _Refused("SPEED_RANGE", f"simulation_speed must be {limits}, got {speed}")
+    simulator.speed = speed
 
 
-def _teleport_ball(simulator: Controlled, ball: TeleportBall) -> None:
+def _set_vision_port(simulator: LeagueSimulator, port: int) -> None:
+    if not 1 <= port <= 65535:
+        raise _Refused("VISION_PORT", f"there is no port {port}")
+    simulator.vision_port = port
+
+
+def _teleport_ball(simulator: LeagueSimulator, ball: TeleportBall) -> None:
     if ball.by_force:
         raise _Refused("BY_FORCE", "the ball cannot be moved by force; leave by_force out to teleport it")
     now = simulator.world.ball
@@ -160,7 +129,7 @@ def _teleport_ball(simulator: Controlled, ball: TeleportBall) -> None:
         simulator.world.make_room(state.x_m, state.y_m)
 
 
-def _teleport_robot(simulator: Controlled, robot: TeleportRobot) -> None:
+def _teleport_robot(simulator: LeagueSimulator, robot: TeleportRobot) -> None:
     team, number = _robot_key(robot.robot)
     name = f"robot {number} of {team.name.lower()}"
     world = simulator.world
@@ -203,7 +172,7 @@ def _checked(key: str, value: float, largest: float) -> float:
     return value
 
 
-def _set_geometry(simulator: Controlled, geometry: Geometry) -> None:
+def _set_geometry(simulator: LeagueSimulator, geometry: Geometry) -> None:
     if max(len(geometry.field.lines), len(geometry.field.arcs)) > MAX_LINES:
         raise _Refused("GEOMETRY", f"a field must have at most {MAX_LINES} lines and arcs")
     try:
@@ -225,7 +194,7 @@ def _set_geometry(simulator: Controlled, geometry: Geometry) -> None:
     simulator.set_field(field, flight)
 
 
-def _set_spec(simulator: Controlled, specs: RobotSpecs) -> None:
+def _set_spec(simulator: LeagueSimulator, specs: RobotSpecs) -> None:
     team, number = _robot_key(specs.robot)
     changes: dict[str, object] = {}
     for key in ("radius_m", "height_m", "mass_kg", "max_kick_mps", "max_chip_mps", "center_to_dribbler_m"):
@@ -262,19 +231,14 @@ def _set_spec(simulator: Controlled, specs: RobotSpecs) -> None:
     simulator.world.set_spec(team, number, spec)
 
 
-def _set_realism(simulator: Controlled, config: RealismConfig, errors: list[SimulatorError]) -> None:
-    for custom in config.custom:
-        if custom.kind != "RealismConfigErForce":
-            errors.append(SimulatorError("REALISM_UNKNOWN", f"there is no realism configuration {custom.kind!r} here"))
-            continue
-        try:
-            message = decode(ErForceRealism, custom.value or b"")
-            simulator.set_realism(changed_realism(simulator.realism, message))
-        except (PacketError, ArgumentError) as error:
-            errors.append(SimulatorError("REALISM_RANGE", str(error)))
-            continue
-        errors += [
-            SimulatorError("REALISM_UNSUPPORTED", f"{key} is not simulated")
-            for key in UNSUPPORTED
-            if getattr(message, key) is not None
-        ]
+def _set_realism(simulator: LeagueSimulator, custom: AnyMessage) -> None:
+    if custom.kind != "RealismConfigErForce":
+        raise _Refused("REALISM_UNKNOWN", f"there is no realism configuration {custom.kind!r} here")
+    try:
+        message = decode(ErForceRealism, custom.value or b"")
+        simulator.set_realism(changed_realism(simulator.realism, message))
+    except (PacketError, ArgumentError) as error:
+        raise _Refused("REALISM_RANGE", str(error)) from None
+    unsupported = [f"{key} is not simulated" for key in UNSUPPORTED if getattr(message, key) is not None]
+    if unsupported:
+        raise _Refused("REALISM_UNSUPPORTED", *unsupported)

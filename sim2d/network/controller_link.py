@@ -54,15 +54,11 @@ class ControllerLink(Closing):
         self._last_look_s = -math.inf
         self._frames = 0
         division = "DIV_A" if is_division_a(field) else "DIV_B"
-        opened = ExitStack()
-        try:
+        with ExitStack() as opened:
             self._client: AutoRefClient | None = opened.enter_context(AutoRefClient(IDENTIFIER, host))
             self._operator: Operator | None = opened.enter_context(Operator(host, division=division))
             self._ci: CiClient | None = opened.enter_context(CiClient(host)) if drives else None
-        except BaseException:
-            opened.close()
-            raise
-        self._opened = opened
+            self._opened = opened.pop_all()
 
     def close(self) -> None:
         """Close all connections."""

@@ -14,6 +14,7 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 from field_models.errors import PacketError
@@ -47,28 +48,21 @@ from sim2d.world.physics import STEP_S
 _CLOCK_OFF_S = 0.0005
 
 
-@dataclass(frozen=True, slots=True)
-class ServerSettings:
-    """Times of a `LeagueServer`."""
-
-    #: Time for requests between two steps: a step of the physics takes 0.2 ms, a period 3.3 ms.
-    request_time_s: float = 0.002
-    #: Whether the simulator's own referee speaks again when a game controller that was heard has been silent: a
-    #: match that goes on by itself because a program crashed surprises people.
-    own_referee_returns: bool = False
-    #: A server that is later than this goes on from now, instead of hurrying to catch up.
-    max_behind_s: float = 0.25
-    #: A step is computed so long before it is due: with vision of 11 against 11 it takes 1 ms. Requests that
-    #: come meanwhile wait for the next step.
-    ahead_s: float = 0.002
-    #: A sleep ends late by about this: the rest is waited for without sleeping.
-    spin_s: float = 0.0003
-    #: While the simulation is paused or slow, requests are waited for in turns of this length.
-    paused_wait_s: float = 0.05
-    #: Without a clock, requests are answered every so many steps.
-    request_steps: int = 5
-    #: So many latenesses of vision packets are stored: half an hour of them.
-    latenesses: int = 100_000
+# time for requests between two steps: a step of the physics takes 0.2 ms, a period 3.3 ms
+_REQUEST_TIME_S = 0.002
+# a server that is later than this goes on from now, instead of hurrying to catch up
+_MAX_BEHIND_S = 0.25
+# a step is computed so long before it is due: with vision of 11 against 11 it takes 1 ms. Requests that come meanwhile
+# wait for the next step.
+_AHEAD_S = 0.002
+# a sleep ends late by about this: the rest is waited for without sleeping
+_SPIN_S = 0.0003
+# while the simulation is paused or slow, requests are waited for in turns of this length
+_PAUSED_WAIT_S = 0.05
+# without a clock, requests are answered every so many steps
+_REQUEST_STEPS = 5
+# so many latenesses of vision packets are stored: half an hour of them
+_LATENESSES = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +95,9 @@ class LeagueServer(Closing):
         ``loopback``, a network interface's name or its IPv4 address. Requests are taken on the loopback too.
     controller : ControllerLink, optional
         A game controller that the simulator is the referee's eyes and hands of.
+    own_referee_returns : bool
+        Whether the simulator's own referee speaks again when a game controller that was heard has been silent: a match
+        that goes on by itself because a program crashed surprises people.
 
     Attributes
     ----------
@@ -122,11 +119,13 @@ class LeagueServer(Closing):
         simulator: LeagueSimulator,
         interface: str = "loopback",
         ports: Ports = Ports(),
-        settings: ServerSettings = ServerSettings(),
         controller: ControllerLink | None = None,
+        *,
+        own_referee_returns: bool = False,
     ) -> None:
-        self.simulator, self.ports, self._settings = simulator, ports, settings
-        self.lateness_s: deque[float] = deque(maxlen=settings.latenesses)
+        self.simulator, self.ports = simulator, ports
+        self._own_referee_returns = own_referee_returns
+        self.lateness_s: deque[float] = deque(maxlen=_LATENESSES)
         self.behind_s = 0.0
         self.problems = Problems() if controller is None else controller.problems
         self._controller = controller
@@ -135,31 +134,20 @@ class LeagueServer(Closing):
         self._speed = simulator.speed
         self._anchor_s, self._anchor_step = time.monotonic(), simulator.world.steps
         self._sockets: dict[socket.socket, Team | None] = {}
-        self._opened: list[socket.socket] = []
-        self._sync: SyncServer | None = None
-        try:
-            self._sender = self._open(multicast_sender(interface, VISION_GROUP, TRACKER_GROUP, REFEREE_GROUP))
-            self._referee = self._open(multicast_receiver(REFEREE_GROUP, ports.referee, interface))
-            for address in dict.fromkeys((LOOPBACK, interface_address(interface))):
-                for port, team in ((ports.control, None), (ports.blue, Team.BLUE), (ports.yellow, Team.YELLOW)):
-                    self._sockets[self._open(server(port, address))] = team
-            teams = {ports.control: None, ports.blue: Team.BLUE, ports.yellow: Team.YELLOW}
+        teams = {ports.control: None, ports.blue: Team.BLUE, ports.yellow: Team.YELLOW}
+        with ExitStack() as opened:
+            self._sender = opened.enter_context(multicast_sender(interface, VISION_GROUP, TRACKER_GROUP, REFEREE_GROUP))
+            self._referee = opened.enter_context(multicast_receiver(REFEREE_GROUP, ports.referee, interface))
             addresses = dict.fromkeys((LOOPBACK, interface_address(interface)))
-            self._sync = SyncServer(addresses, teams, MAX_REQUEST_BYTES)
-        except BaseException:
-            self.close()
-            raise
-
-    def _open(self, made: socket.socket) -> socket.socket:
-        self._opened.append(made)
-        return made
+            for address in addresses:
+                for port, team in teams.items():
+                    self._sockets[opened.enter_context(server(port, address))] = team
+            self._sync = opened.enter_context(SyncServer(addresses, teams, MAX_REQUEST_BYTES))
+            self._opened = opened.pop_all()
 
     def close(self) -> None:
         """Close all sockets."""
-        for opened in self._opened:
-            opened.close()
-        if self._sync is not None:
-            self._sync.close()
+        self._opened.close()
 
     def run(self, goes_on: Callable[[], bool]) -> None:
         """Serve for as long as a function, which is called before every step, returns true."""
@@ -180,23 +168,23 @@ class LeagueServer(Closing):
             self._speed = simulator.speed
             self._anchor()
         if self._speed == 0:
-            self._answer(self._settings.paused_wait_s)
+            self._answer(_PAUSED_WAIT_S)
             return
         if math.isinf(self._speed):
-            if simulator.world.steps % self._settings.request_steps == 0:
+            if simulator.world.steps % _REQUEST_STEPS == 0:
                 self._answer(0.0)
             self._take_step(None)
             return
         due_s = self._due_s()
-        ahead_s = min(self._settings.ahead_s, 0.5 * STEP_S / self._speed)
+        ahead_s = min(_AHEAD_S, 0.5 * STEP_S / self._speed)
         while (left_s := due_s - ahead_s - time.monotonic()) > 0:
-            self._answer(min(left_s, self._settings.paused_wait_s))
+            self._answer(min(left_s, _PAUSED_WAIT_S))
             if simulator.speed != self._speed:
                 return
         self._answer(0.0)
         if simulator.speed != self._speed or self._due_s() != due_s:
             return
-        if time.monotonic() - due_s > self._settings.max_behind_s:
+        if time.monotonic() - due_s > _MAX_BEHIND_S:
             self.behind_s += time.monotonic() - due_s
             self._anchor()
             due_s = self._due_s()
@@ -212,7 +200,7 @@ class LeagueServer(Closing):
         simulator = self.simulator
         if self._heard_referee and self._referees.is_silent(time.monotonic()):
             simulator.lose_referee()
-            self._heard_referee = not self._settings.own_referee_returns
+            self._heard_referee = not self._own_referee_returns
         simulator.publishes_referee = not self._heard_referee
         if due_s is not None and self._speed == 1:
             # the machine's clock may have been set, and pauses have passed
@@ -223,7 +211,7 @@ class LeagueServer(Closing):
         if self._controller is not None:
             self._serve_controller(self._controller)
         if due_s is not None:
-            _wait_until(due_s, self._settings.spin_s)
+            _wait_until(due_s)
         self._publish(packets, due_s)
 
     def _serve_controller(self, controller: ControllerLink) -> None:
@@ -252,15 +240,15 @@ class LeagueServer(Closing):
 
     def _answer(self, wait_s: float) -> None:
         """Wait for requests at most so long, and answer those that are there for a limited time."""
-        steps = () if self._sync is None else self._sync.sockets
+        steps = self._sync.sockets
         ready, _, _ = select.select([self._referee, *self._sockets, *steps], [], [], wait_s)
         if not ready:
             return
         begin_s = time.monotonic()
         for place, listening in enumerate(ready, 1):
             # whoever floods one port leaves their time to the others
-            end_s = begin_s + self._settings.request_time_s * place / len(ready)
-            if self._sync is not None and listening in steps:
+            end_s = begin_s + _REQUEST_TIME_S * place / len(ready)
+            if listening in steps:
                 self._sync.serve(listening, self._answer_step)
                 continue
             while time.monotonic() < end_s:
@@ -315,9 +303,9 @@ class LeagueServer(Closing):
             return
 
 
-def _wait_until(due_s: float, spin_s: float) -> None:
+def _wait_until(due_s: float) -> None:
     left_s = due_s - time.monotonic()
-    if left_s > spin_s:
-        time.sleep(left_s - spin_s)
+    if left_s > _SPIN_S:
+        time.sleep(left_s - _SPIN_S)
     while time.monotonic() < due_s:
         pass

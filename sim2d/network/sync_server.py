@@ -9,6 +9,7 @@ import socket
 from collections.abc import Callable, Iterable
 
 from field_models.errors import ArgumentError, PacketError
+from robocup_vision.closing import Closing
 from robocup_vision.ssl.framed import CHUNK_BYTES, take_frame, varint
 from robocup_vision.ssl.sockets import error_words
 from robocup_vision.ssl.values.simulation import Team
@@ -20,7 +21,7 @@ _SEND_S = 0.2
 Answer = Callable[[Team | None, bytes], bytes]
 
 
-class SyncServer:
+class SyncServer(Closing):
     """Listens at the ports of control and robots, and answers at most eight connections.
 
     Parameters

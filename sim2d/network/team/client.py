@@ -18,7 +18,7 @@ from robocup_vision.ssl.sockets import LOOPBACK, SIMULATED_VISION_PORT
 from robocup_vision.ssl.subscriptions import RefereeClient, VisionClient
 from robocup_vision.ssl.values.referee import Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
-from sim2d.network.team.team import OverheadTeam, TeamSettings
+from sim2d.network.team.team import LIMITS, OverheadTeam
 from sim2d.robot_link import CONTROL_PERIOD_S
 
 # where clocks of vision and this machine differ by more, vision's delay cannot be told: a usual one is taken then
@@ -38,6 +38,8 @@ class TeamClient(Closing):
 
     Parameters
     ----------
+    speed_mps : float
+        How fast the robots drive at most.
     interface : str
         On which vision and referee are listened to.
     robot_port : int, optional
@@ -55,8 +57,8 @@ class TeamClient(Closing):
         self,
         team: Team,
         field: Field,
-        settings: TeamSettings = TeamSettings(),
         *,
+        speed_mps: float = LIMITS.speed_mps,
         host: str = LOOPBACK,
         interface: str = "loopback",
         vision_port: int = SIMULATED_VISION_PORT,
@@ -64,20 +66,16 @@ class TeamClient(Closing):
         robot_port: int | None = None,
         controller_host: str | None = None,
     ) -> None:
-        self.team = OverheadTeam(team, field, settings)
+        self.team = OverheadTeam(team, field, speed_mps)
         self.sent = 0
-        opened = ExitStack()
-        try:
+        with ExitStack() as opened:
             self._vision = opened.enter_context(VisionClient(vision_port, interface))
             self._referee = opened.enter_context(RefereeClient(referee_port, interface))
             self._robots = opened.enter_context(RobotClient(team, host, robot_port))
             self._desk: TeamDesk | None = None
             if controller_host is not None:
                 self._desk = opened.enter_context(TeamDesk(team, controller_host, self.team.problems))
-        except BaseException:
-            opened.close()
-            raise
-        self._opened = opened
+            self._opened = opened.pop_all()
         self._due_s = 0.0
         self._heard_s = -math.inf
         self._delay_s = _USUAL_DELAY_S

@@ -15,9 +15,9 @@ import numpy as np
 from field_models import Field
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.ssl.game import Game, GameSettings, GameState
+from robocup_vision.ssl.game import Game, GameState
 from robocup_vision.ssl.problems import Problems
-from robocup_vision.ssl.tracker import OverheadTracker, TrackerSettings
+from robocup_vision.ssl.tracker import OverheadTracker
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.simulation import LocalVelocity, MoveCommand, RobotCommand, RobotControlResponse, Team
@@ -37,50 +37,40 @@ _NOTHING = Command()
 _SAME_FIELD_M = 0.2
 
 
-@dataclass(frozen=True, slots=True)
-class TeamSettings:
-    """Values of `OverheadTeam`."""
-
-    #: How the robots drive and kick: slower than the league's can, so that they stop in time before each other
-    #: (the rules forbid to run into somebody at more than 1.5 m/s) and no kick is a foul (6.5 m/s).
-    limits: RobotLimits = RobotLimits(
-        speed_mps=1.5,
-        acceleration_mps2=2.0,
-        dead_time_s=0.05,
-        height_m=0.15,
-        turn_acceleration_rps2=40.0,
-        turn_rps=8.0,
-        kick_speed_mps=5.0,
-    )
-    #: A keeper has the whole defence area; one robot alone goes for the ball.
-    tactics: TacticsSettings = TacticsSettings(
-        keeper_area_radii=11.0,
-        keeper_depth_radii=11.0,
-        block_widths=4 / 3,
-        straight_rad=0.6,
-        straight_reaches=10.0,
-        round_reaches=1.8,
-        support_limits=(-0.6, 2.5),
-        fetches_in_strip=False,
-    )
-    #: How they drive.
-    motion: MotionSettings = MotionSettings(holding_mps=1.0, holding_rps=2.5)
-    #: Of the tracker.
-    tracker: TrackerSettings = TrackerSettings()
-    #: How fast the dribbler spins.
-    dribbler_rps: float = 150.0
-    #: What a robot feels is believed for so long.
-    contact_lasts_s: float = 0.07
-    #: Where no robot tells what it feels: a ball so far before its hull's front, and so far aside, is in the
-    #: mouth.
-    mouth_m: float = 0.012
-    mouth_half_m: float = 0.03
-    #: Another robot fetches the ball only if it is nearer by so much: two that take turns get nowhere.
-    changes_m: float = 0.25
-    #: From the other team's defence area, while the ball is not in play: 0.2 m by the rules.
-    their_room_m: float = 0.22
-    #: A robot's hull so near to the ball has touched it: who kicked off may then touch it again.
-    touched_m: float = 0.03
+# how the robots drive and kick: slower than the league's can, so that they stop in time before each other (the rules
+# forbid to run into somebody at more than 1.5 m/s) and no kick is a foul (6.5 m/s)
+LIMITS = RobotLimits(
+    speed_mps=1.5,
+    acceleration_mps2=2.0,
+    dead_time_s=0.05,
+    height_m=0.15,
+    turn_acceleration_rps2=40.0,
+    turn_rps=8.0,
+    kick_speed_mps=5.0,
+)
+# a keeper has the whole defence area; one robot alone goes for the ball
+_TACTICS = TacticsSettings(
+    keeper_area_radii=11.0,
+    keeper_depth_radii=11.0,
+    block_widths=4 / 3,
+    straight_rad=0.6,
+    straight_reaches=10.0,
+    round_reaches=1.8,
+    support_limits=(-0.6, 2.5),
+    fetches_in_strip=False,
+)
+_MOTION = MotionSettings(holding_mps=1.0, holding_rps=2.5)
+_DRIBBLER_RPS = 150.0
+# what a robot feels is believed for so long
+_CONTACT_LASTS_S = 0.07
+# where no robot tells what it feels: a ball so far before its hull's front, and so far aside, is in the mouth
+_MOUTH_M, _MOUTH_HALF_M = 0.012, 0.03
+# another robot fetches the ball only if it is nearer by so much: two that take turns get nowhere
+_CHANGES_M = 0.25
+# from the other team's defence area, while the ball is not in play: 0.2 m by the rules
+_THEIR_ROOM_M = 0.22
+# a robot's hull so near to the ball has touched it: who kicked off may then touch it again
+_TOUCHED_M = 0.03
 
 
 @dataclass(slots=True)
@@ -111,20 +101,27 @@ class OverheadTeam:
     state : GameState or None
         What the referee had said at the last commands.
 
+    Parameters
+    ----------
+    speed_mps : float
+        How fast the robots drive at most.
+
     Raises
     ------
     ArgumentError
         If the team is unknown, or the field has no goals.
     """
 
-    def __init__(self, team: Team, field: Field, settings: TeamSettings = TeamSettings()) -> None:
+    def __init__(self, team: Team, field: Field, speed_mps: float = LIMITS.speed_mps) -> None:
         if not field.goals:
             raise ArgumentError(f"the field {field.name} has no goals to play at")
         self._team, self._field = team, field
-        self._settings = replace(settings, limits=replace(settings.limits, radius_m=field.robot_radius_m))
-        self._game = Game(team, GameSettings(kick_s=kick_time_s(field)))
+        self._limits = replace(LIMITS, speed_mps=speed_mps, radius_m=field.robot_radius_m)
+        # of the ball's centre from that of a robot whose hull it touches
+        self._touches_m = field.robot_radius_m + field.ball_radius_m
+        self._game = Game(team, kick_time_s(field))
         reach_x_m, reach_y_m = np.abs(field.floor_polygon).max(axis=0).tolist()
-        self._tracker = OverheadTracker(replace(settings.tracker, reach_m=(reach_x_m, reach_y_m)))
+        self._tracker = OverheadTracker((reach_x_m, reach_y_m))
         self._hands: dict[int, _Hand] = {}
         self._tactics: dict[tuple[int, int], Tactics] = {}
         self._fetcher: int | None = None
@@ -200,7 +197,7 @@ class OverheadTeam:
         if state.phase in ("halt", "time_out") or state.attacks is None:
             self.intents = dict.fromkeys(own, state.phase.replace("_", " "))
             self._kick = None
-            return [robot_command(number, _NOTHING, 0.0) for number in own]
+            return [robot_command(number, _NOTHING) for number in own]
         side = state.attacks
         robots = {_key(robot): _in_team(robot, side) for robot in world.robots}
         situation = self._situation(world, state, side, t_s)
@@ -212,15 +209,13 @@ class OverheadTeam:
         for number in own:
             hand = self._hands.get(number)
             if hand is None:
-                hand = self._hands[number] = _Hand(
-                    OverheadPlayer(self._field, self._settings.limits, self._settings.motion, number)
-                )
+                hand = self._hands[number] = _Hand(OverheadPlayer(self._field, self._limits, _MOTION, number))
             me = robots[self._team, number]
             others = tuple(other for key, other in robots.items() if key != (self._team, number))
             mine = replace(situation, in_mouth=self._has_ball(hand, me, situation.ball, t_s))
             orders = self._orders(number, roles, own, state, mine, me)
             command = hand.player.act(orders, mine, me, others)
-            out.append(robot_command(number, _slowed(command, slow_mps), self._settings.dribbler_rps))
+            out.append(robot_command(number, _slowed(command, slow_mps)))
             self.intents[number] = hand.player.intent
         return out
 
@@ -290,7 +285,7 @@ class OverheadTeam:
         # behind the ball is nearer: from before it a robot must go round
         cost = {n: math.dist((places[n].x_m, places[n].y_m), ball) + 0.3 * (places[n].x_m > ball[0]) for n in able}
         nearest = min(able, key=cost.__getitem__)
-        if self._fetcher not in able or cost[self._fetcher] > cost[nearest] + self._settings.changes_m:
+        if self._fetcher not in able or cost[self._fetcher] > cost[nearest] + _CHANGES_M:
             self._fetcher = nearest
         rest = sorted((n for n in field_players if n != self._fetcher), key=lambda n: places[n].y_m)
         roles = {n: 0 for n in numbers if n == state.goalkeeper}
@@ -316,7 +311,7 @@ class OverheadTeam:
         self._kick.is_over = True
         if ball is None:
             return
-        reach = self._settings.limits.radius_m + self._field.ball_radius_m + self._settings.touched_m
+        reach = self._touches_m + _TOUCHED_M
         who = (self._team, self._kick.kicker)
         if any(
             math.dist((robot.pose.x_m, robot.pose.y_m), ball) < reach for key, robot in robots.items() if key != who
@@ -324,14 +319,12 @@ class OverheadTeam:
             self._kick = None
 
     def _has_ball(self, hand: _Hand, me: Moving, ball: Point | None, t_s: float) -> bool:
-        settings = self._settings
         if hand.has_contact_sensor:
-            return hand.feels and self.seen_s - hand.felt_s < settings.contact_lasts_s
+            return hand.feels and self.seen_s - hand.felt_s < _CONTACT_LASTS_S
         if ball is None:
             return False
         ahead, aside = me.pose.inverse().transform(ball).tolist()
-        reach = self._settings.limits.radius_m + self._field.ball_radius_m
-        return bool(0 < ahead < reach + settings.mouth_m and abs(aside) < settings.mouth_half_m)
+        return bool(0 < ahead < self._touches_m + _MOUTH_M and abs(aside) < _MOUTH_HALF_M)
 
     def _orders(
         self,
@@ -345,14 +338,14 @@ class OverheadTeam:
         role = roles.get(number)
         room_of_ball_m = BALL_ROOM_M
         in_play = state.phase == "play"
-        room_m = 0.0 if in_play or state.phase == "penalty" else self._settings.their_room_m
+        room_m = 0.0 if in_play or state.phase == "penalty" else _THEIR_ROOM_M
         zones = defence_zones(self._field, is_keeper=role == 0, their_room_m=room_m)
         if state.phase == "ball_placement" and state.own_turn and role == 1:
             # the ball may lie there
             zones = ()
         if role is None:
             # off the field beside the own half, on the nearer side, each at a place of its own, clear of the ball
-            radius_m = self._settings.limits.radius_m
+            radius_m = self._limits.radius_m
             place = sum(other not in roles and other < number for other in own)
             x, y = -(2 + 4 * place) * radius_m, math.copysign(self._field.width_m / 2 + 1.5 * radius_m, me.pose.y_m)
             if now.ball is not None:
@@ -369,15 +362,15 @@ class OverheadTeam:
     def _tactics_of(self, role: int, players: int) -> Tactics:
         key = role, players
         if key not in self._tactics:
-            self._tactics[key] = Tactics(self._field, self._settings.limits, role, players, self._settings.tactics)
+            self._tactics[key] = Tactics(self._field, self._limits, role, players, _TACTICS)
         return self._tactics[key]
 
 
-def robot_command(number: int, command: Command, dribbler_rps: float) -> RobotCommand:
+def robot_command(number: int, command: Command) -> RobotCommand:
     """Return a player's command as simulators take it: a velocity along the robot's own axes is what each obeys."""
     velocity = LocalVelocity(command.forward_mps, command.left_mps, command.turn_rps)
     return RobotCommand(
-        number, MoveCommand(local=velocity), command.kick_mps, 0.0, dribbler_rps if command.dribble else 0.0
+        number, MoveCommand(local=velocity), command.kick_mps, 0.0, _DRIBBLER_RPS if command.dribble else 0.0
     )
 
 
