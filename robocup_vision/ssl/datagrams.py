@@ -63,8 +63,11 @@ class DatagramClient(Closing, Generic[T]):
                 return message
         return None
 
-    def receive_newest(self, most: int) -> list[T]:
-        """Return what has come, without waiting: of more than so many datagrams the newest."""
+    def receive_newest(self, most: int = 1000) -> list[T]:
+        """Return what has come, without waiting: of more than so many datagrams the newest.
+
+        By default every command of a referee that was not read for some seconds is among them.
+        """
         waiting, skipped = take_newest(self._socket, most)
         self.skipped += skipped
         messages = [self._take(self._value, *datagram) for datagram in waiting]

@@ -125,13 +125,7 @@ class SslLog(Closing):
 
     def __iter__(self) -> Iterator[LogEntry]:
         """Yield every entry, the index too if there is one."""
-        place = _FILE_HEAD.size
-        while True:
-            entry = self._read(place)
-            if entry is None:
-                return
-            yield entry
-            place += _HEAD.size + len(entry.data)
+        return (entry for _, entry in self._placed())
 
     def entry_at(self, place: int) -> LogEntry:
         """Return the entry that begins at a byte, one of `places`.
@@ -149,17 +143,16 @@ class SslLog(Closing):
     @property
     def places(self) -> tuple[int, ...]:
         """Byte at which each entry begins (uncompressed), the index left out: from the index, else by reading on."""
-        found: list[int] = []
+        indexed = None if self.path.name.endswith("gz") else self._read_index()
+        if indexed is not None:
+            return indexed
+        return tuple(place for place, entry in self._placed() if entry.kind != LogKind.INDEX)
+
+    def _placed(self) -> Iterator[tuple[int, LogEntry]]:
+        """Yield every entry behind its place."""
         place = _FILE_HEAD.size
-        if not self.path.name.endswith("gz"):
-            indexed = self._read_index()
-            if indexed is not None:
-                return indexed
-        while True:
-            entry = self._read(place)
-            if entry is None or entry.kind == LogKind.INDEX:
-                return tuple(found)
-            found.append(place)
+        while (entry := self._read(place)) is not None:
+            yield place, entry
             place += _HEAD.size + len(entry.data)
 
     def _read_index(self) -> tuple[int, ...] | None:

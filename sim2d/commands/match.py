@@ -106,10 +106,10 @@ def _referee(args: argparse.Namespace, opened: ExitStack) -> RefereeFactory | No
         return lambda field, limits: ForeignReferee(DrivenReferee(driven, field), field)
     if args.referee == "network":
         from robocup_vision.ssl.subscriptions import RefereeClient
-        from sim2d.network.foreign_referee import ForeignReferee, ListenedReferee
+        from sim2d.network.foreign_referee import ForeignReferee
 
         client = opened.enter_context(RefereeClient(args.referee_port, args.network))
-        return lambda field, limits: ForeignReferee(ListenedReferee(client), field)
+        return lambda field, limits: ForeignReferee(lambda *_: client.receive_newest(), field)
     if args.referee == "league":
         from sim2d.match.league_referee import league_referee
 

@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Sequence
 
 from field_models import Field
 from field_models.errors import ArgumentError
 from robocup_vision.ssl.controller_clients import CiClient
 from robocup_vision.ssl.field import geometry_from_field
 from robocup_vision.ssl.game import Game
-from robocup_vision.ssl.subscriptions import RefereeClient
 from robocup_vision.ssl.values.referee import CiInput, Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
 from robocup_vision.ssl.values.tracked import TrackerPacket
@@ -29,33 +27,17 @@ from sim2d.world.state import BallState, Event, RobotState
 # the game controller takes a ball for placed that lies so near
 _PLACED_M = 0.15
 _KICKS = (*KICK_OFFS, *PENALTIES, *COMMANDS["direct_free"])
-# of a game controller that was not heard for a while, every command
-_MAX_PACKETS = 1000
 # a game controller that answers nothing for so long does not work
 _MAX_SILENCE_S = 10.0
 
 
-class RefereeSource(Protocol):
-    """Where a game controller's packets come from."""
-
-    def poll(self, t_s: float, robots: Sequence[RobotState], ball: BallState, blue_positive: bool) -> list[Referee]:
-        """Return what has come since the last call, at a time of the match."""
-        ...
-
-
-class ListenedReferee:
-    """A game controller that runs by itself and is heard on the network."""
-
-    def __init__(self, client: RefereeClient) -> None:
-        self._client = client
-
-    def poll(self, t_s: float, robots: Sequence[RobotState], ball: BallState, blue_positive: bool) -> list[Referee]:
-        """Return what has come since the last call."""
-        return self._client.receive_newest(_MAX_PACKETS)
+#: Tells what a game controller has said since the last call, at a time of the match with the truth then and whether
+#: blue is on the positive half.
+RefereeSource = Callable[[float, Sequence[RobotState], BallState, bool], list[Referee]]
 
 
 class DrivenReferee:
-    """A game controller that goes by the match's time, and sees it by tracker packets.
+    """A `RefereeSource`: a game controller that goes by the match's time, and sees it by tracker packets.
 
     Parameters
     ----------
@@ -69,7 +51,7 @@ class DrivenReferee:
         self._answered_s = time.monotonic()
         self._begin_ns = time.time_ns()
 
-    def poll(self, t_s: float, robots: Sequence[RobotState], ball: BallState, blue_positive: bool) -> list[Referee]:
+    def __call__(self, t_s: float, robots: Sequence[RobotState], ball: BallState, blue_positive: bool) -> list[Referee]:
         """Tell it a moment of the match; return what it answers.
 
         Raises
@@ -108,7 +90,7 @@ class ForeignReferee:
     def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
         """Take in what the game controller says; return what follows from it at once."""
         rulings: list[Ruling] = []
-        for packet in self._source.poll(t_s, robots, ball, self._blue_positive):
+        for packet in self._source(t_s, robots, ball, self._blue_positive):
             before, self._packet = self._packet, packet
             self._game.update(packet, received_s=t_s)
             if packet.blue_on_positive_half is not None:

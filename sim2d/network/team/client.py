@@ -27,8 +27,8 @@ _MAX_DELAY_S, _USUAL_DELAY_S = 0.2, 0.03
 _WAY_S = 0.01
 # vision that is silent for so long, or whose clock stands still: robots stand still
 _BLIND_S = 0.3
-# read at once: two control periods of eight cameras, and every command of a referee who was not heard for a while
-_MAX_FRAMES, _MAX_REFEREE_PACKETS, _MAX_ANSWERS = 48, 1000, 100
+# read at once: two control periods of eight cameras
+_MAX_FRAMES, _MAX_ANSWERS = 48, 100
 # a keeper that has not been seen for so long is not there; asked again after as long
 _ABSENT_S, _AGAIN_S = 2.0, 5.0
 
@@ -127,7 +127,7 @@ class TeamClient(Closing):
 
     def _hear(self) -> None:
         # the referee first: however much vision sends, a halt is obeyed
-        for command in self._referee.receive_newest(_MAX_REFEREE_PACKETS):
+        for command in self._referee.receive_newest():
             self.team.hear_referee(command, self._referee.sender)
             if self._desk is not None:
                 self._desk.hear(command, self.team.intents, time.monotonic())

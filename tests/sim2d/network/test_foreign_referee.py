@@ -32,7 +32,7 @@ class Source:
         self.counter += 1
         self.packets.append(dataclasses.replace(REFEREE, command=command, command_counter=self.counter, **changes))
 
-    def poll(self, t_s, robots, ball, blue_positive):
+    def __call__(self, t_s, robots, ball, blue_positive):
         packets, self.packets = self.packets, []
         return packets
 

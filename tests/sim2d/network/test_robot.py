@@ -17,8 +17,7 @@ from robocup_vision.ssl.values.simulation import (
     Team,
     WheelVelocities,
 )
-from sim2d.network.held_orders import body_velocity
-from sim2d.network.world import STEPS_PER_S, LeagueWorld
+from sim2d.network.world import STEPS_PER_S, LeagueWorld, body_velocity
 from sim2d.world.ball_physics import Flight
 from sim2d.world.robot_spec import RobotSpec
 from sim2d.world.state import BallState
