@@ -157,9 +157,6 @@ def test_the_game_controllers_clock_ends_a_kick_and_what_comes_next_is_told():
 
 def test_a_clock_that_was_set_back_does_not_make_a_kick_last():
     game = told(C.DIRECT_FREE_BLUE)
-    game.state(5000.0, BALL)
-    assert game.state(0.0, BALL).phase != "halt"
-    game = told(C.DIRECT_FREE_BLUE)
     game.update(dataclasses.replace(REFEREE, command=C.DIRECT_FREE_BLUE, command_counter=9))
     assert game.state(5000.0, BALL).phase == "free_kick"
     assert game.state(0.0, BALL).phase == "free_kick"

@@ -216,16 +216,6 @@ def driven(seconds, seed):
     return times, np.array(rows)
 
 
-def test_what_drives_straight_is_known_exactly_and_foretold():
-    times = np.arange(0.0, 1.0, 1 / RATE)
-    places = np.stack([1.0 + 0.8 * times, -0.5 * times], axis=1)
-    made, found = follow(places, times)
-    assert found[-1] == pytest.approx([*places[-1], 0.8, -0.5], abs=1e-3)
-    ahead, velocity = made.at(np.array([0]), times[-1] + 0.05)
-    assert ahead[0] == pytest.approx(places[-1] + 0.05 * np.array([0.8, -0.5]), abs=1e-3)
-    assert velocity[0] == pytest.approx([0.8, -0.5], abs=1e-2)
-
-
 @pytest.mark.slow
 def test_several_models_are_better_than_detections_and_than_each_alone():
     """Only this finds a mixture of motions that is worse than one of them."""
@@ -245,23 +235,6 @@ def test_several_models_are_better_than_detections_and_than_each_alone():
         assert place < alone[0] or velocity < alone[1]
     straight = errors((MotionModel(0.0, 0.1),))
     assert velocity < straight[1]
-
-
-def test_rows_do_not_touch_each_other():
-    times, true = driven(2.0, 7)
-    _, alone = follow(true[:, :2], times)
-    both = MotionFilter()
-    rows = np.array([both.add(), both.add()])
-    both.start(0, times[0], *true[0, :2])
-    both.start(1, times[0], 3.0, 3.0)
-    for k, t_s in enumerate(times[1:], start=1):
-        both.predict(rows, t_s)
-        # the second is seen now and then
-        seen = rows if k % 3 == 0 else rows[:1]
-        both.update(seen, np.array([true[k, :2], [3.0, 3.0]])[: len(seen)], t_s)
-    place, velocity = both.at(rows, times[-1])
-    assert [*place[0], *velocity[0]] == pytest.approx(alone[-1], abs=1e-9)
-    assert place[1] == pytest.approx([3.0, 3.0], abs=1e-6)
 
 
 def test_a_frame_that_comes_late_counts_for_its_own_time():

@@ -70,28 +70,6 @@ def test_frames_at_60_hz_and_geometry_once_a_second():
     assert 70 <= sum(channel is Channel.REFEREE for channel, _ in packets) <= 90
 
 
-def test_detections_are_the_truth_to_float32():
-    made = simulator(6)
-    order(made, YELLOW, sim.RobotCommand(2, sim.MoveCommand(world=sim.GlobalVelocity(1.0, 0.5, 2.0))))
-    for _ in range(100):
-        packets = made.step()
-        for channel, data in packets:
-            packet = decode(VisionPacket, data) if channel is Channel.VISION else None
-            if packet is None or packet.detection is None:
-                continue
-            seen = {(YELLOW, robot.robot_id): robot for robot in packet.detection.yellow}
-            seen |= {(BLUE, robot.robot_id): robot for robot in packet.detection.blue}
-            truth = made.world.state
-            assert len(seen) == len(truth.robots) == 12
-            for robot in truth.robots:
-                there = seen[TEAM_OF[robot.side], robot.number]
-                assert np.float32(1000 * there.x_m) == np.float32(1000 * robot.pose.x_m)
-                assert np.float32(1000 * there.y_m) == np.float32(1000 * robot.pose.y_m)
-                assert np.float32(there.orientation_rad) == np.float32(robot.pose.theta_rad)
-            (ball,) = packet.detection.balls
-            assert np.float32(1000 * ball.x_m) == np.float32(1000 * truth.ball.x_m)
-
-
 def test_things_are_put_where_they_shall_be():
     made = simulator()
     there = sim.TeleportRobot(sim.RobotId(1, BLUE), 1.0, -2.0, 0.5, 0.3, 0.1, 2.0)
@@ -155,6 +133,8 @@ NAN = float("nan")
         (teleport(sim.TeleportRobot(sim.RobotId(77, YELLOW), 0.0)), "UNKNOWN_ROBOT"),
         (teleport(speed=-1.0), "SPEED_RANGE"),
         (teleport(speed=NAN), "SPEED_RANGE"),
+        (teleport(speed=1e-3), "SPEED_RANGE"),
+        (teleport(speed=1e30), "SPEED_RANGE"),
         (configure(vision_port=0), "VISION_PORT"),
         (configure(vision_port=70000), "VISION_PORT"),
         (configure(robot_specs=(sim.RobotSpecs(sim.RobotId(1, YELLOW), radius_m=9.0),)), "SPEC_RANGE"),
@@ -325,11 +305,11 @@ def test_unreadable_requests_are_counted_and_answered():
     assert "at most 8192 bytes" in made.last_problem
 
 
-def fuzz(count):
+def test_no_bytes_stop_the_simulator():
     made = simulator(4)
     rng = np.random.default_rng(5)
     sources = [encode(value) for value in EXAMPLES]
-    for _ in range(count):
+    for _ in range(3000):
         data = damaged(rng, sources[rng.integers(len(sources))], sources[rng.integers(len(sources))])
         if data[:1] == b"\x0d":
             continue
@@ -342,10 +322,6 @@ def fuzz(count):
         assert np.isfinite(robot.pose.array).all()
     assert np.isfinite(dataclasses.astuple(made.world.ball)).all()
     assert made.bad_datagrams > 0
-
-
-def test_no_bytes_stop_the_simulator():
-    fuzz(3000)
 
 
 def test_the_same_seed_and_requests_give_the_same_packets():
