@@ -1,7 +1,9 @@
-"""Clients of the game controller's ports for automatic referees (10007) and for teams (10008).
+"""Clients of the game controller's ports for automatic referees (10007), teams (10008) and simulators (10009).
 
-Both begin with a greeting and a registration; each message is replied to. Signatures are not made: a game controller
-that knows a key of that name refuses the registration.
+The first two begin with a greeting and a registration, and each of their messages is replied to. They sign nothing: a
+game controller that knows a key of that name refuses the registration. They raise
+`ArgumentError` where there is no connection, or it is refused or lost, and `PacketError` where what comes is no message
+or larger than 8 MB.
 """
 
 from __future__ import annotations
@@ -52,15 +54,7 @@ class _ControllerClient(FramedClient):
             raise
 
     def listen(self) -> None:
-        """Read the replies that have come; what was rejected is added to `problems`.
-
-        Raises
-        ------
-        ArgumentError
-            If the connection is lost.
-        PacketError
-            If what comes is no reply.
-        """
+        """Read the replies that have come; what was rejected is added to `problems`."""
         for _ in range(_MAX_REPLIES):
             reply = self._next(0.0)
             if reply is None:
@@ -88,25 +82,13 @@ class _ControllerClient(FramedClient):
 
 
 class AutoRefClient(_ControllerClient):
-    """Tells a game controller what an automatic referee sees.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no connection, or the game controller refuses it.
-    """
+    """Tells a game controller what an automatic referee sees."""
 
     def __init__(self, identifier: str, host: str = LOOPBACK, port: int = AUTOREF_PORT) -> None:
         super().__init__("the port for referees", AutoRefRegistration(identifier), host, port)
 
     def tell(self, event: RefereeEvent) -> None:
-        """Tell an event.
-
-        Raises
-        ------
-        ArgumentError
-            If the connection is lost.
-        """
+        """Tell an event."""
         self._send(AutoRefMessage(event))
 
 
@@ -117,11 +99,6 @@ class TeamPortClient(_ControllerClient):
     ----------
     team_name : str
         As the game controller has it.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no connection, or the game controller refuses it.
     """
 
     def __init__(self, team_name: str, team: Team, host: str = LOOPBACK, port: int = TEAM_PORT) -> None:
@@ -135,23 +112,9 @@ class TeamPortClient(_ControllerClient):
         """Say whether the game shall go on when the other team has fouled this one."""
         self._send(TeamMessage(advantage_choice=AdvantageChoice.CONTINUE if goes_on else AdvantageChoice.STOP))
 
-    def ask_for_substitution(self, *, wanted: bool = True) -> None:
-        """Ask to exchange a robot at the next opportunity, or no longer."""
-        self._send(TeamMessage(substitute_robot=wanted))
-
-    def ping(self) -> None:
-        """Ask for a reply, so that a lost connection shows."""
-        self._send(TeamMessage(ping=True))
-
 
 class CiClient(FramedClient):
-    """A connection to a game controller that was started for continuous integration.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no connection.
-    """
+    """A connection to a game controller that was started for continuous integration."""
 
     def __init__(self, host: str = LOOPBACK, port: int = CI_PORT) -> None:
         super().__init__("the game controller", host, port)
@@ -161,13 +124,6 @@ class CiClient(FramedClient):
 
         A game controller answers each input within milliseconds. One that hears of the next moment before it has done
         with this one may give the command that is due twice, and ends.
-
-        Raises
-        ------
-        ArgumentError
-            If the connection is lost.
-        PacketError
-            If what comes is no packet of a game controller, or larger than 8 MB.
         """
         self._send(value)
         end_s = time.monotonic() + wait_s

@@ -68,15 +68,7 @@ class FramedClient(Closing):
             raise ArgumentError(f"{self._name} is gone: {error_words(error)}") from None
 
     def _receive(self, kind: type[T], wait_s: float) -> T | None:
-        """Return the next value, or None after a time.
-
-        Raises
-        ------
-        ArgumentError
-            If the connection is lost.
-        PacketError
-            If what comes is no such value, or larger than 8 MB.
-        """
+        """Return the next value, or None after a time."""
         end_s = time.monotonic() + wait_s
         while (frame := take_frame(self._buffer)) is None:
             ready, _, _ = select.select([self._socket], [], [], max(end_s - time.monotonic(), 0.0))

@@ -2,7 +2,8 @@
 
 A file begins with a mark and a version; then each entry has its time (ns), its kind and its size, all big-endian.
 Names that end in ``gz`` are compressed. An index, if there is one, is the last entry: the place of each entry before
-it, the index's own size, and a mark. Entries that cannot be read are counted, with the place of the first.
+it, the index's own size, and a mark. Entries that cannot be read are counted, with the place of the first. A file that
+cannot be written raises `FileError`.
 """
 
 from __future__ import annotations
@@ -128,13 +129,7 @@ class SslLog(Closing):
         return (entry for _, entry in self._placed())
 
     def entry_at(self, place: int) -> LogEntry:
-        """Return the entry that begins at a byte, one of `places`.
-
-        Raises
-        ------
-        FileError
-            If none does.
-        """
+        """Return the entry that begins at a byte, one of `places`; raises `FileError` where none does."""
         entry = self._read(place) if place >= _FILE_HEAD.size else None
         if entry is None:
             raise FileError(self.path, f"has no entry at byte {place}")
@@ -201,11 +196,6 @@ class SslLogWriter(Closing):
         bytes.
     index : bool
         Write an index at the end, for tools that jump.
-
-    Raises
-    ------
-    FileError
-        If it cannot be written.
     """
 
     def __init__(self, path: str | Path, *, index: bool = False) -> None:
@@ -223,15 +213,7 @@ class SslLogWriter(Closing):
         self._write(_FILE_HEAD.pack(MAGIC, VERSION))
 
     def write(self, entry: LogEntry) -> None:
-        """Append an entry.
-
-        Raises
-        ------
-        ArgumentError
-            If it is an index: the writer makes its own.
-        FileError
-            If the file cannot be written.
-        """
+        """Append an entry; raises `ArgumentError` for an index, which the writer makes itself."""
         if entry.kind == LogKind.INDEX:
             raise ArgumentError("an index is not copied: it holds the places of another file (use index=True)")
         if self._places is not None:

@@ -2,6 +2,7 @@
 
 The columns of detections and referee packets are those in which the league's recordings are passed around. Nothing is
 converted for MCAP: the file holds the bytes that were received, and the layout of our values as their schema.
+Both raise `FileError` where the output cannot be written; MCAP raises `RobocupVisionError` where mcap is not installed.
 """
 
 from __future__ import annotations
@@ -53,11 +54,6 @@ def write_tables(log: SslLog, folder: Path) -> tuple[dict[str, int], Unreadable]
     -------
     (dict of str to int, Unreadable)
         Rows of each table, those without rows left out, and what could not be read.
-
-    Raises
-    ------
-    FileError
-        If the tables cannot be written.
     """
     rows, unreadable = dict.fromkeys(FILES, 0), Unreadable()
     with telling_write_errors(folder):
@@ -151,13 +147,6 @@ def write_mcap(log: SslLog, path: Path) -> tuple[dict[str, int], Unreadable]:
     -------
     (dict of str to int, Unreadable)
         Messages of each topic, and what could not be read.
-
-    Raises
-    ------
-    RobocupVisionError
-        If mcap is not installed.
-    FileError
-        If the file cannot be written.
     """
     try:
         from mcap.writer import Writer

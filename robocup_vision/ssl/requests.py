@@ -1,4 +1,8 @@
-"""Clients that ask one program and get its answer: a simulator's control, and the robots of a team."""
+"""Clients that ask one program and get its answer: a simulator's control, and the robots of a team.
+
+They raise `ArgumentError` where the program cannot be reached or is lost, and `PacketError` where a number does not fit
+into its field. Over a connection (`SyncClient`), `PacketError` is raised as well where what comes is no answer.
+"""
 
 from __future__ import annotations
 
@@ -32,13 +36,7 @@ T = TypeVar("T")
 
 
 class _Client(DatagramClient[T]):
-    """Sends to one address and receives from there alone; see `DatagramClient`.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no way to that address.
-    """
+    """Sends to one address and receives from there alone; see `DatagramClient`."""
 
     def __init__(self, answer: type[T], host: str, port: int) -> None:
         super().__init__(answer, socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
@@ -74,11 +72,6 @@ class RobotClient(_Client[RobotControlResponse]):
         Where the simulator or the radio runs.
     port : int, optional
         Default: the league's for that team.
-
-    Raises
-    ------
-    ArgumentError
-        If the team is unknown, or there is no way to that address.
     """
 
     def __init__(self, team: Team, host: str = LOOPBACK, port: int | None = None) -> None:
@@ -87,13 +80,7 @@ class RobotClient(_Client[RobotControlResponse]):
         super().__init__(RobotControlResponse, host, port or ROBOT_PORTS[team])
 
     def send(self, commands: Sequence[RobotCommand]) -> None:
-        """Send commands, at most one a robot. A robot without one for 0.1 s stands still.
-
-        Raises
-        ------
-        PacketError
-            If a number of a command does not fit into its field.
-        """
+        """Send commands, at most one a robot. A robot without one for 0.1 s stands still."""
         self._send(RobotControl(tuple(commands)))
 
     def step(self, step_s: float, commands: Sequence[RobotCommand], timeout_s: float = 1.0) -> SyncResponse | None:
@@ -110,11 +97,6 @@ class SyncClient(FramedClient):
         Whose robots are commanded; None: the control's port, which commands none.
     port : int, optional
         Default: the league's for that team.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no connection.
     """
 
     def __init__(self, team: Team | None = None, host: str = LOOPBACK, port: int | None = None) -> None:
@@ -130,15 +112,7 @@ class SyncClient(FramedClient):
         command: SimulatorCommand | None = None,
         timeout_s: float = 5.0,
     ) -> SyncResponse:
-        """Let the simulator go on by a step; return what was seen then.
-
-        Raises
-        ------
-        ArgumentError
-            If it does not answer, or the connection is lost.
-        PacketError
-            If a number does not fit into its field, or what comes is no answer.
-        """
+        """Go on by a step; return what was seen then. Raises `ArgumentError` if no answer comes in time."""
         control = RobotControl(tuple(commands)) if commands else None
         self._send(SyncRequest(step_s, command, control))
         response = self._receive(SyncResponse, timeout_s)
@@ -148,13 +122,7 @@ class SyncClient(FramedClient):
 
 
 class SimulatorClient(_Client[SimulatorResponse]):
-    """Controls a simulator: puts things somewhere, changes its speed and settings, or steps it.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no way to that address.
-    """
+    """Controls a simulator: puts things somewhere, changes its speed and settings, or steps it."""
 
     def __init__(self, host: str = LOOPBACK, port: int = SIMULATION_PORT) -> None:
         super().__init__(SimulatorResponse, host, port)

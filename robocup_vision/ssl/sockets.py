@@ -1,6 +1,7 @@
 """The league's addresses, and sockets for them that reach no farther than asked.
 
 Without an interface everything stays on the loopback: it is bound to 127.0.0.1, and multicast has a time to live of 0.
+Functions here raise `ArgumentError` where there is no such interface, or the interface or the port cannot be used.
 """
 
 from __future__ import annotations
@@ -47,11 +48,6 @@ def interface_address(interface: str) -> str:
     ----------
     interface : str
         ``loopback``, an interface's name or its IPv4 address.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such interface, or it has no address.
     """
     if interface == "loopback":
         return LOOPBACK
@@ -70,13 +66,7 @@ def interface_address(interface: str) -> str:
 
 
 def multicast_receiver(group: str, port: int, interface: str = "loopback") -> socket.socket:
-    """Return a non-blocking socket that gets what is sent to a group on one interface; others may listen too.
-
-    Raises
-    ------
-    ArgumentError
-        If the interface or the port cannot be had.
-    """
+    """Return a non-blocking socket that gets what is sent to a group on one interface; others may listen too."""
     address = interface_address(interface)
     made = _socket()
     try:
@@ -101,11 +91,6 @@ def multicast_sender(interface: str = "loopback", *groups: str) -> socket.socket
     groups : str
         Groups that are sent to. The interface then belongs to them, and clients of this machine that have joined on
         another interface, as many do, get them all the same.
-
-    Raises
-    ------
-    ArgumentError
-        If the interface cannot be had.
     """
     address = interface_address(interface)
     made = _socket()
@@ -125,13 +110,7 @@ def multicast_sender(interface: str = "loopback", *groups: str) -> socket.socket
 
 
 def server(port: int, interface: str = "loopback") -> socket.socket:
-    """Return a non-blocking socket on a port (0: any free one) of one interface's address.
-
-    Raises
-    ------
-    ArgumentError
-        If the interface or the port cannot be had.
-    """
+    """Return a non-blocking socket on a port (0: any free one) of one interface's address."""
     address = interface_address(interface)
     made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     made.setblocking(False)

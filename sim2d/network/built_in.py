@@ -155,6 +155,8 @@ BuiltInRobots = OverheadRobots | CameraRobots
 def built_in_robots(text: str, field: Field, players: int, seed: int = 0) -> BuiltInRobots:
     """Return the robots that some words name: ``TEAM=KIND``, or ``TEAM=KIND:0,2,3`` for some of the team.
 
+    Other words raise `ArgumentError`.
+
     Parameters
     ----------
     text : str
@@ -163,11 +165,6 @@ def built_in_robots(text: str, field: Field, players: int, seed: int = 0) -> Bui
         Of each team, when the words name no numbers.
     seed : int
         Of noise and of the players' choices.
-
-    Raises
-    ------
-    ArgumentError
-        If the words name no such robots.
     """
     team_name, equals, rest = text.partition("=")
     kind, colon, numbers_text = rest.partition(":")
@@ -194,13 +191,7 @@ def _numbers(text: str, whole: str) -> tuple[int, ...]:
 
 
 def check_apart(robots: Sequence[BuiltInRobots]) -> None:
-    """Refuse robots that are named twice.
-
-    Raises
-    ------
-    ArgumentError
-        If one is.
-    """
+    """Raise `ArgumentError` where a robot is named twice."""
     seen: set[tuple[Team, int]] = set()
     for group in robots:
         for number in group.numbers:

@@ -52,15 +52,7 @@ class DrivenReferee:
         self._begin_ns = time.time_ns()
 
     def __call__(self, t_s: float, robots: Sequence[RobotState], ball: BallState, blue_positive: bool) -> list[Referee]:
-        """Tell it a moment of the match; return what it answers.
-
-        Raises
-        ------
-        ArgumentError
-            If the connection is lost, or it does not answer.
-        PacketError
-            If it answers what is no packet.
-        """
+        """Tell it a moment of the match; return what it answers. Raises `ArgumentError` if it is silent for long."""
         geometry = geometry_from_field(self._field) if self._frames == 0 else None
         self._frames += 1
         frame = tracked_frame(self._frames, self._begin_ns / NS_PER_S + t_s, robots, ball, 1 if blue_positive else -1)

@@ -221,13 +221,7 @@ class OverheadView:
         )
 
     def render(self, state: LeagueState, rng: np.random.Generator) -> UInt8Array:
-        """Return the camera's image.
-
-        Returns
-        -------
-        (H, W, 3) uint8
-            BGR.
-        """
+        """Return the camera's image: (H, W, 3) uint8, BGR."""
         if self._background is None:
             self._background = self._draw_field()
         image = self._background.copy()

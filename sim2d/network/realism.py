@@ -104,17 +104,12 @@ REALISMS = {
 
 
 def realism_named(name: str, cameras: str | None = None) -> Realism:
-    """Return the realism of a name.
+    """Return the realism of a name; raises `ArgumentError` if there is none, or for wrong words on cameras.
 
     Parameters
     ----------
     cameras : str, optional
         How many cameras, along x and along y, e.g. ``4x2``; default: those of the realism.
-
-    Raises
-    ------
-    ArgumentError
-        If there is none, or these are no cameras.
     """
     if name not in REALISMS:
         raise ArgumentError(f"there is no realism {name!r}, only {', '.join(REALISMS)}")
@@ -129,13 +124,7 @@ def realism_named(name: str, cameras: str | None = None) -> Realism:
 
 
 def changed_realism(realism: Realism, message: ErForceRealism) -> Realism:
-    """Return a realism with what a message sets; what it leaves out stays.
-
-    Raises
-    ------
-    ArgumentError
-        If a number is negative, not finite or too large.
-    """
+    """Return a realism with what a message sets; raises `ArgumentError` for numbers out of range."""
     changes: dict[str, float | bool] = {}
     for theirs, ours, per_unit, largest in _FIELDS:
         value = getattr(message, theirs)

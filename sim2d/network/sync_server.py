@@ -30,11 +30,6 @@ class SyncServer(Closing):
         Which port is whose; None: the control's.
     most_bytes : int
         A larger request is refused.
-
-    Raises
-    ------
-    ArgumentError
-        If a port cannot be had.
     """
 
     def __init__(self, addresses: Iterable[str], ports: dict[int, Team | None], most_bytes: int) -> None:

@@ -237,13 +237,7 @@ class CameraImages(Closing):
         self._file.close()
 
     def add(self, vision: OverheadVision, state: LeagueState, epoch_s: float) -> None:
-        """Save what the cameras saw in the frames that they have just taken, if it is their turn.
-
-        Raises
-        ------
-        FileError
-            If a picture cannot be written.
-        """
+        """Save what the cameras saw in the frames that they have just taken, if it is their turn."""
         for view, number in zip(vision.views, vision.frame_numbers, strict=True):
             if number % self._every:
                 continue

@@ -51,7 +51,7 @@ class LeagueState:
 
 
 class LeagueWorld:
-    """A field, a ball and whoever is put there.
+    """A field, a ball and whoever is put there. What names a robot raises `ArgumentError` if it is not on the field.
 
     Attributes
     ----------
@@ -121,25 +121,13 @@ class LeagueWorld:
         return _key(team, number) in self._robots
 
     def robot(self, team: Team, number: int) -> RobotBody:
-        """Return a robot.
-
-        Raises
-        ------
-        ArgumentError
-            If it is not on the field.
-        """
+        """Return a robot."""
         if not self.has(team, number):
             raise ArgumentError(f"there is no robot {number} of {team.name.lower()} on the field")
         return self._robots[_key(team, number)]
 
     def add(self, team: Team, number: int, pose: Pose2) -> RobotBody:
-        """Put a robot on the field.
-
-        Raises
-        ------
-        ArgumentError
-            If its team or number is not one of the league's, or it is there already.
-        """
+        """Put a robot on the field; raises `ArgumentError` for a wrong team or number, or if it is there already."""
         if team not in SIDES or not 0 <= number <= MAX_NUMBER:
             raise ArgumentError(f"there is no robot {number} of {team!r}: numbers are 0 to {MAX_NUMBER}")
         if self.has(team, number):
@@ -157,13 +145,7 @@ class LeagueWorld:
         velocity_mps: tuple[float, float] = (0.0, 0.0),
         turn_rps: float = 0.0,
     ) -> None:
-        """Put a robot that is on the field somewhere, moving in the field frame.
-
-        Raises
-        ------
-        ArgumentError
-            If it is not on the field.
-        """
+        """Put a robot that is on the field somewhere, moving in the field frame."""
         self.robot(team, number).place(self._apart(team, number, pose), velocity_mps, turn_rps)
 
     def _apart(self, team: Team, number: int, pose: Pose2) -> Pose2:
