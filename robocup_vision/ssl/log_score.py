@@ -18,7 +18,7 @@ from robocup_vision.ssl.log import LogEntry, Unreadable, readable
 from robocup_vision.ssl.tracker import OverheadTracker
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
 from robocup_vision.ssl.values.simulation import Team
-from robocup_vision.ssl.values.tracked import TrackedFrame, TrackedRobot, TrackerPacket
+from robocup_vision.ssl.values.tracked import TrackedFrame, TrackedRobot, TrackerPacket, Vector2, Vector3
 
 # a ball without a detection for this time is hidden
 _HIDDEN_S = 0.1
@@ -150,7 +150,7 @@ class _Run:
             return
         self.frames += 1
         ours = self._tracker.at(truth.t_s)
-        known = {(robot.robot.team, robot.robot.number): robot for robot in ours.robots}
+        known = _by_number(ours)
         for robot in truth.robots:
             key = robot.robot.team, robot.robot.number
             if key in known and key in self._robots:
@@ -160,8 +160,8 @@ class _Run:
 
     def _compare_exposure(self, frame: DetectionFrame, truth: TrackedFrame) -> None:
         sums, past_s = self._sums, frame.t_capture_s - truth.t_s
-        true = {(robot.robot.team, robot.robot.number): robot for robot in truth.robots}
-        ours = {(robot.robot.team, robot.robot.number): robot for robot in self._tracker.at(frame.t_capture_s).robots}
+        true = _by_number(truth)
+        ours = _by_number(self._tracker.at(frame.t_capture_s))
         for color, robots in ((Team.YELLOW, frame.yellow), (Team.BLUE, frame.blue)):
             for robot in robots:
                 key = color, robot.robot_id or 0
@@ -173,24 +173,21 @@ class _Run:
                 sums["exposed_rms_m"].add((known.position_m.x - x) ** 2 + (known.position_m.y - y) ** 2)
                 sums["exposed_last_rms_m"].add((robot.x_m - x) ** 2 + (robot.y_m - y) ** 2)
                 if known.velocity_mps is not None:
-                    dx = known.velocity_mps.x - moving.velocity_mps.x
-                    dy = known.velocity_mps.y - moving.velocity_mps.y
-                    sums["exposed_velocity_rms_mps"].add(dx**2 + dy**2)
+                    sums["exposed_velocity_rms_mps"].add(_gap2(known.velocity_mps, moving.velocity_mps))
 
     def _compare_robot(self, truth: TrackedRobot, ours: TrackedRobot, last: tuple[float, float, float]) -> None:
         sums, place = self._sums, truth.position_m
-        sums["robot_rms_m"].add((ours.position_m.x - place.x) ** 2 + (ours.position_m.y - place.y) ** 2)
+        sums["robot_rms_m"].add(_gap2(ours.position_m, place))
         sums["robot_last_rms_m"].add((last[0] - place.x) ** 2 + (last[1] - place.y) ** 2)
         sums["robot_rms_rad"].add(wrap_angle(ours.orientation_rad - truth.orientation_rad) ** 2)
         sums["robot_last_rms_rad"].add(wrap_angle(last[2] - truth.orientation_rad) ** 2)
         if truth.velocity_mps is not None and ours.velocity_mps is not None:
-            dx, dy = ours.velocity_mps.x - truth.velocity_mps.x, ours.velocity_mps.y - truth.velocity_mps.y
-            sums["robot_velocity_rms_mps"].add(dx**2 + dy**2)
+            sums["robot_velocity_rms_mps"].add(_gap2(ours.velocity_mps, truth.velocity_mps))
 
     def _compare_ball(self, truth: TrackedFrame, ours: TrackedFrame, last: tuple[float, float]) -> None:
         sums, there, here = self._sums, truth.balls[0], ours.balls[0]
         place = there.position_m
-        error2 = (here.position_m.x - place.x) ** 2 + (here.position_m.y - place.y) ** 2
+        error2 = _gap2(here.position_m, place)
         if self._refinding_since_s is not None and error2 < _FOUND_M**2:
             took_s = truth.t_s - self._refinding_since_s
             self._refound_s = max(self._refound_s or 0.0, took_s)
@@ -200,8 +197,7 @@ class _Run:
         sums["ball_rms_m"].add(error2)
         sums["ball_last_rms_m"].add((last[0] - place.x) ** 2 + (last[1] - place.y) ** 2)
         if there.velocity_mps is not None and here.velocity_mps is not None:
-            dx, dy = here.velocity_mps.x - there.velocity_mps.x, here.velocity_mps.y - there.velocity_mps.y
-            sums["ball_velocity_rms_mps"].add(dx**2 + dy**2)
+            sums["ball_velocity_rms_mps"].add(_gap2(here.velocity_mps, there.velocity_mps))
 
     @property
     def score(self) -> TrackerScore:
@@ -213,3 +209,12 @@ class _Run:
             ball_refound_s=self._refound_s,
             **errors,
         )
+
+
+def _by_number(frame: TrackedFrame) -> dict[tuple[Team, int], TrackedRobot]:
+    return {(robot.robot.team, robot.robot.number): robot for robot in frame.robots}
+
+
+def _gap2(one: Vector2 | Vector3, other: Vector2 | Vector3) -> float:
+    """Return the square of the distance along the floor."""
+    return (one.x - other.x) ** 2 + (one.y - other.y) ** 2

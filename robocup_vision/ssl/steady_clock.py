@@ -68,9 +68,7 @@ class SteadyClock:
         elif not self._goes_on(camera, stamp_s):
             if not self._is_confirmed(camera, stamp_s):
                 camera.doubted_s = stamp_s
-                self._problems.add(
-                    f"camera {camera_id} sends stamps out of order", f"{self._words(camera_id, stamp_s)}"
-                )
+                self._problems.add(f"camera {camera_id} sends stamps out of order", self._words(camera_id, stamp_s))
                 return None
             self._set(camera_id, camera, stamp_s)
         camera.last_s, camera.doubted_s, camera.frame = stamp_s, None, self._frames

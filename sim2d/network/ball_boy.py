@@ -56,10 +56,7 @@ class BallBoy:
 def kick_place(packet: Referee, field: Field, yellow_side: int) -> Point | None:
     """Return where the ball lies before a kick or after a stop; None where that is not known.
 
-    Parameters
-    ----------
-    yellow_side : int
-        +1: yellow attacks the goal at +x.
+    Yellow is on side +1, which attacks the goal at +x, or -1.
     """
     place = packet.designated_position
     where = None if place is None else (place.x_m, place.y_m)

@@ -115,12 +115,12 @@ def _teleport_ball(simulator: LeagueSimulator, ball: TeleportBall) -> None:
         raise _Refused("BY_FORCE", "the ball cannot be moved by force; leave by_force out to teleport it")
     now = simulator.world.ball
     state = BallState(
-        now.x_m if ball.x_m is None else _checked("x", ball.x_m, MAX_PLACE_M),
-        now.y_m if ball.y_m is None else _checked("y", ball.y_m, MAX_PLACE_M),
-        now.vx_mps if ball.vx_mps is None else _checked("vx", ball.vx_mps, MAX_SPEED_MPS),
-        now.vy_mps if ball.vy_mps is None else _checked("vy", ball.vy_mps, MAX_SPEED_MPS),
-        now.z_m if ball.z_m is None else _checked("z", ball.z_m, MAX_HEIGHT_M),
-        now.vz_mps if ball.vz_mps is None else _checked("vz", ball.vz_mps, MAX_SPEED_MPS),
+        _checked("x", ball.x_m, MAX_PLACE_M, now.x_m),
+        _checked("y", ball.y_m, MAX_PLACE_M, now.y_m),
+        _checked("vx", ball.vx_mps, MAX_SPEED_MPS, now.vx_mps),
+        _checked("vy", ball.vy_mps, MAX_SPEED_MPS, now.vy_mps),
+        _checked("z", ball.z_m, MAX_HEIGHT_M, now.z_m),
+        _checked("vz", ball.vz_mps, MAX_SPEED_MPS, now.vz_mps),
     )
     if state.z_m < 0:
         raise _Refused("TELEPORT_RANGE", f"z must not be below the floor, got {state.z_m}")
@@ -135,27 +135,30 @@ def _teleport_robot(simulator: LeagueSimulator, robot: TeleportRobot) -> None:
     world = simulator.world
     if robot.by_force:
         raise _Refused("BY_FORCE", f"{name} cannot be moved by force; leave by_force out to teleport it")
-    x = None if robot.x_m is None else _checked("x", robot.x_m, MAX_PLACE_M)
-    y = None if robot.y_m is None else _checked("y", robot.y_m, MAX_PLACE_M)
-    angle = None if robot.orientation_rad is None else _checked("orientation", robot.orientation_rad, 1000.0)
-    vx, vy = _checked("v_x", robot.vx_mps or 0.0, MAX_SPEED_MPS), _checked("v_y", robot.vy_mps or 0.0, MAX_SPEED_MPS)
-    turn = _checked("v_angular", robot.turn_rps or 0.0, MAX_TURN_RPS)
+    is_there = world.has(team, number)
+    now = world.robot(team, number).pose if is_there else Pose2(0.0, 0.0, 0.0)
+    pose = Pose2(
+        _checked("x", robot.x_m, MAX_PLACE_M, now.x_m),
+        _checked("y", robot.y_m, MAX_PLACE_M, now.y_m),
+        _checked("orientation", robot.orientation_rad, 1000.0, now.theta_rad),
+    )
+    velocity = (
+        _checked("v_x", robot.vx_mps, MAX_SPEED_MPS, 0.0),
+        _checked("v_y", robot.vy_mps, MAX_SPEED_MPS, 0.0),
+    )
+    turn = _checked("v_angular", robot.turn_rps, MAX_TURN_RPS, 0.0)
     if robot.present is False:
-        if world.has(team, number):
+        if is_there:
             world.remove(team, number)
         return
-    if not world.has(team, number):
+    if not is_there:
         if not robot.present:
             raise _Refused("ROBOT_NOT_PRESENT", f"{name} is not on the field; set present to put it there")
-        pose = Pose2(x or 0.0, y or 0.0, angle or 0.0)
         world.add(team, number, pose)
-        world.place(team, number, pose, (vx, vy), turn)
+    elif robot == TeleportRobot(robot.robot, present=robot.present, by_force=robot.by_force, unknown=robot.unknown):
+        # nothing is said of its place or motion
         return
-    if (x, y, angle, robot.vx_mps, robot.vy_mps, robot.turn_rps) == (None,) * 6:
-        return
-    now = world.robot(team, number).pose
-    pose = Pose2(now.x_m if x is None else x, now.y_m if y is None else y, now.theta_rad if angle is None else angle)
-    world.place(team, number, pose, (vx, vy), turn)
+    world.place(team, number, pose, velocity, turn)
 
 
 def _robot_key(robot: RobotId) -> tuple[Team, int]:
@@ -166,7 +169,10 @@ def _robot_key(robot: RobotId) -> tuple[Team, int]:
     return robot.team, robot.number
 
 
-def _checked(key: str, value: float, largest: float) -> float:
+def _checked(key: str, value: float | None, largest: float, kept: float) -> float:
+    """Return a value that is not too large; of one that is left out what is kept."""
+    if value is None:
+        return kept
     if not abs(value) <= largest:
         raise _Refused("TELEPORT_RANGE", f"{key} must be within {largest:g}, got {value}")
     return value

@@ -126,7 +126,6 @@ class LeagueSimulator:
         for team, side in ((Team.YELLOW, 1), (Team.BLUE, -1)):
             for number in range(players):
                 self.world.add(team, number, kick_off_pose(field, side, number, players, field.robot_radius_m))
-        self._seed = seed
         self._rng = np.random.default_rng([seed, _RADIO])
         self._vision_rng = np.random.default_rng([seed, _WORLD])
         self._vision = OverheadVision(field, realism, self._vision_rng)
@@ -217,13 +216,7 @@ class LeagueSimulator:
                 self.world.place_ball(BallState(*ruling.ball_at))
 
     def answer_control(self, data: bytes) -> tuple[bytes | None, list[tuple[Channel, bytes]]]:
-        """Take a datagram of the simulation control.
-
-        Returns
-        -------
-        (bytes or None, list of (Channel, bytes))
-            The answer to its sender (None: no answer), and the packets published on the way.
-        """
+        """Take a datagram of the simulation control; return the answer, if there is one, and what is published then."""
         try:
             self._check_size(data)
             if data[:1] == _SYNC_MARK:

@@ -39,22 +39,14 @@ _NOISE_STD, _BLUR_PX = 3.0, 0.6
 
 @dataclass(frozen=True, slots=True)
 class OverheadCamera:
-    """One camera.
-
-    Parameters
-    ----------
-    camera_id : int
-        Its number.
-    x_m, y_m, z_m : float
-        Where it hangs, field frame.
-    half_x_m, half_y_m : float
-        Distance from there to which it covers the floor.
-    """
+    """One camera."""
 
     camera_id: int
+    #: where it hangs, field frame
     x_m: float
     y_m: float
     z_m: float
+    #: distance from there to which it covers the floor
     half_x_m: float
     half_y_m: float
 
@@ -104,12 +96,7 @@ class OverheadCamera:
 def camera_rig(field: Field, columns: int, rows: int, overlap_m: float) -> tuple[OverheadCamera, ...]:
     """Return cameras over equal parts of a field and its boundary, row by row from the corner at -x and -y.
 
-    Parameters
-    ----------
-    columns, rows : int
-        How many along x and along y.
-    overlap_m : float
-        How wide a strip between two neighbours both see.
+    Columns are along x, rows along y; a strip of the overlap's width is seen by both of two neighbours.
     """
     reach_x_m, reach_y_m = abs(field.floor_polygon).max(axis=0).tolist()
     step_x_m, step_y_m = 2 * reach_x_m / columns, 2 * reach_y_m / rows
@@ -131,18 +118,10 @@ def camera_rig(field: Field, columns: int, rows: int, overlap_m: float) -> tuple
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """How a camera really hangs, against its calibration.
+    """How a camera really hangs, against its calibration."""
 
-    Parameters
-    ----------
-    shift_m : (float, float, float)
-        Of its position.
-    rotation_rad : (float, float, float)
-        Small turns about the field's axes.
-    """
-
-    shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    rotation_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: of its position
+    rotation_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: small turns about the field's axes
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,11 +206,11 @@ class OverheadView:
         image = self._background.copy()
         flies = state.ball.z_m > max((robot.height_m for robot in state.robots), default=0.0)
         if not flies:
-            self._draw_ball(image, state)
+            _disc(image, *self._ball_circle(state), _BALL)
         for robot in state.robots:
             self._draw_robot(image, robot)
         if flies:
-            self._draw_ball(image, state)
+            _disc(image, *self._ball_circle(state), _BALL)
         image = np.asarray(cv2.GaussianBlur(image, (0, 0), _BLUR_PX), dtype=np.uint8)
         noise = rng.standard_normal(image.shape, dtype=np.float32) * np.float32(_NOISE_STD)
         return np.clip(image + noise, 0, 255).astype(np.uint8)
@@ -265,10 +244,6 @@ class OverheadView:
                     wall = np.array([[x0, y0, 0.0], [x1, y1, 0.0], [x1, y1, goal.height_m], [x0, y0, goal.height_m]])
                     _polygon(image, self.project(wall), _LINE)
         return image
-
-    def _draw_ball(self, image: UInt8Array, state: LeagueState) -> None:
-        center, radius_px = self._ball_circle(state)
-        _disc(image, center, radius_px, _BALL)
 
     def _draw_robot(self, image: UInt8Array, robot: RobotState) -> None:
         _polygon(image, self._silhouette(robot), _SIDE)

@@ -136,31 +136,27 @@ def match_packet(referee: LeagueReferee, epoch_s: float, t_s: float, players: in
     """Return what the game controller would say of a match that `referee` judges."""
     begin_us = round(epoch_s * US_PER_S)
     place, coming, left_s = referee.placement_m, referee.next_play, referee.action_left_s(t_s)
-    teams = []
-    for name, side in (("yellow", 1), ("blue", -1)):
-        cards = tuple(max(round((end - t_s) * US_PER_S), 0) for end in referee.cards[side])
-        fouls = referee.foul_count(side)
-        info = _team(name)
-        teams.append(
-            replace(
-                info,
-                score=referee.score[side],
-                yellow_cards=referee.card_count(side),
-                yellow_card_times_us=cards,
-                goalkeeper=referee.keepers[side],
-                foul_counter=fouls,
-                ball_placement_failures=referee.placement_failures[side],
-                max_allowed_robots=referee.robots_allowed(side, players),
-            )
+    yellow, blue = (
+        replace(
+            _team(name),
+            score=referee.score[side],
+            yellow_cards=referee.card_count(side),
+            yellow_card_times_us=tuple(max(round((end - t_s) * US_PER_S), 0) for end in referee.cards[side]),
+            goalkeeper=referee.keepers[side],
+            foul_counter=referee.foul_count(side),
+            ball_placement_failures=referee.placement_failures[side],
+            max_allowed_robots=referee.robots_allowed(side, players),
         )
+        for name, side in (("yellow", 1), ("blue", -1))
+    )
     return Referee(
         packet_time_us=begin_us + round(t_s * US_PER_S),
         stage=_STAGES[referee.stage],
         command=COMMANDS[referee.command][referee.command_side < 0],
         command_counter=referee.command_counter,
         command_time_us=begin_us + round(referee.command_s * US_PER_S),
-        yellow=teams[0],
-        blue=teams[1],
+        yellow=yellow,
+        blue=blue,
         stage_time_left_us=round((referee.stage_end_s - t_s) * US_PER_S),
         designated_position=None if place is None else FloorPoint(*place),
         blue_on_positive_half=True,

@@ -70,13 +70,7 @@ class OverheadVision:
         return _geometry_packets(geometry, tuple(camera.calibration for camera in self.cameras))
 
     def capture(self, state: LeagueState, epoch_s: float) -> list[DetectionFrame]:
-        """Return one frame of each camera.
-
-        Parameters
-        ----------
-        epoch_s : float
-            Seconds since 1970 when the simulation began.
-        """
+        """Return one frame of each camera; the simulation began at so many seconds since 1970."""
         return [self._frame(index, state, epoch_s + state.t_s) for index in range(len(self.cameras))]
 
     def _frame(self, index: int, state: LeagueState, t_s: float) -> DetectionFrame:

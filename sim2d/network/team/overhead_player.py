@@ -54,12 +54,9 @@ class Moving:
 class Orders:
     """What the team tells one of its robots now."""
 
-    #: Of the role that it has.
-    tactics: Tactics
-    #: Where it may not be, besides what its plans know.
-    keep_outs: tuple[KeepOut, ...] = ()
-    #: It leaves the game and drives there.
-    goes_to: Point | None = None
+    tactics: Tactics  #: of the role that it has
+    keep_outs: tuple[KeepOut, ...] = ()  #: where it may not be, besides what its plans know
+    goes_to: Point | None = None  #: it leaves the game and drives there
 
 
 class OverheadPlayer:
@@ -173,12 +170,7 @@ class OverheadPlayer:
 def defence_zones(field: Field, *, is_keeper: bool, their_room_m: float) -> tuple[KeepOut, ...]:
     """Return the defence areas that a robot keeps out of, team frame; a keeper may be in its own.
 
-    Parameters
-    ----------
-    field : Field
-        The pitch; without defence areas there are none to keep out of.
-    their_room_m : float
-        How far to stay away from the other team's.
+    From the other team's it keeps a distance.
     """
     area = defence_area(field)
     if area is None:
