@@ -19,8 +19,6 @@ from robocup_vision.ssl.sockets import (
 )
 
 _WAIT_S = 0.2
-# more than comes in that time
-_AT_ONCE = 4096
 
 
 def record_log(
@@ -71,7 +69,7 @@ def record_log(
             received_ns = time.time_ns()
             for listening in ready:
                 kind = kinds[listening]
-                for data, _ in take_newest(listening, _AT_ONCE)[0]:
+                for data, _ in take_newest(listening)[0]:
                     log.write(LogEntry(received_ns, kind, data))
                     counts[kind.name.lower()] += 1
     return counts

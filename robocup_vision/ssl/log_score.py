@@ -14,6 +14,7 @@ from dataclasses import dataclass, fields
 
 from field_models.errors import ArgumentError
 from robocup_vision.geometry import wrap_angle
+from robocup_vision.ssl.field import ROBOT_RADIUS_M
 from robocup_vision.ssl.log import LogEntry, Unreadable, readable
 from robocup_vision.ssl.tracker import OverheadTracker
 from robocup_vision.ssl.values.detection import DetectionFrame, VisionPacket
@@ -22,8 +23,6 @@ from robocup_vision.ssl.values.tracked import TrackedFrame, TrackedRobot, Tracke
 
 # a ball without a detection for this time is hidden
 _HIDDEN_S = 0.1
-# found again: nearer than a robot's radius to where it is
-_FOUND_M = 0.09
 # the first frames hardly determine the velocity
 _SETTLING_S = 0.5
 # a true frame tells of an exposure so near to it, its velocities taken along: less than half a frame at 60 Hz
@@ -188,7 +187,7 @@ class _Run:
         sums, there, here = self._sums, truth.balls[0], ours.balls[0]
         place = there.position_m
         error2 = _gap2(here.position_m, place)
-        if self._refinding_since_s is not None and error2 < _FOUND_M**2:
+        if self._refinding_since_s is not None and error2 < ROBOT_RADIUS_M**2:
             took_s = truth.t_s - self._refinding_since_s
             self._refound_s = max(self._refound_s or 0.0, took_s)
             self._refinding_since_s = None

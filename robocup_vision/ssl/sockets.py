@@ -145,7 +145,7 @@ def take_datagram(listening: socket.socket) -> tuple[bytes, Address] | None:
     return data, (sender[0], sender[1])
 
 
-def take_newest(listening: socket.socket, most: int) -> tuple[list[tuple[bytes, Address]], int]:
+def take_newest(listening: socket.socket, most: int = _MAX_AT_ONCE) -> tuple[list[tuple[bytes, Address]], int]:
     """Return what is there without waiting, of more than so many datagrams the newest, and how many were passed over.
 
     However fast others send, it ends.

@@ -11,6 +11,8 @@ Source = tuple[str | None, tuple[str, int] | None]
 
 # a flood of made-up names must not fill the memory
 _MAX_SOURCES = 16
+# whoever has not spoken for so long does not run any more; they speak ten times a second or more often
+_SILENT_S = 1.0
 
 
 class SourceChoice:
@@ -20,13 +22,10 @@ class SourceChoice:
     ----------
     kind : str
         What they are, as the problem's words call them.
-    silent_s : float
-        Whoever has not spoken for so long does not run any more; they speak ten times a second or more often.
     """
 
-    def __init__(self, kind: str, silent_s: float = 1.0) -> None:
+    def __init__(self, kind: str) -> None:
         self._kind = kind
-        self._silent_s = silent_s
         self._heard_s: dict[Source, float] = {}
         self._followed: Source | None = None
 
@@ -68,7 +67,7 @@ class SourceChoice:
 
     def _forget_silent(self, now_s: float) -> None:
         # a clock that was set back makes an age negative: that is as good as silence
-        self._heard_s = {source: t for source, t in self._heard_s.items() if abs(now_s - t) <= self._silent_s}
+        self._heard_s = {source: t for source, t in self._heard_s.items() if abs(now_s - t) <= _SILENT_S}
         if self._followed not in self._heard_s:
             self._followed = None
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 
+from robocup_vision.ssl.overview import MAX_CAMERAS
 from robocup_vision.ssl.problems import Problems
 
 # cameras of one clock are exposed, and their frames arrive, within this of each other
 _TOGETHER_S = 0.2
 # a camera that was silent for this many frames of others no longer counts as sending
 _SILENT_FRAMES = 20
-# no hall has more; a sender must not fill the memory
-_MAX_CAMERAS = 64
 
 
 class _CameraClock:
@@ -57,8 +56,8 @@ class SteadyClock:
         if not math.isfinite(stamp_s):
             self._problems.add(f"camera {camera_id} sends a stamp that is no number")
             return None
-        if camera_id not in self._cameras and len(self._cameras) >= _MAX_CAMERAS:
-            self._problems.add(f"there are more than {_MAX_CAMERAS} cameras")
+        if camera_id not in self._cameras and len(self._cameras) >= MAX_CAMERAS:
+            self._problems.add(f"there are more than {MAX_CAMERAS} cameras")
             return None
         camera = self._cameras.setdefault(camera_id, _CameraClock())
         self._frames += 1

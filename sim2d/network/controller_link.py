@@ -14,12 +14,13 @@ from field_models.errors import ArgumentError, PacketError
 from robocup_vision.closing import Closing
 from robocup_vision.ssl.controller_clients import AutoRefClient, CiClient
 from robocup_vision.ssl.field import geometry_from_field
+from robocup_vision.ssl.log import NS_PER_S
 from robocup_vision.ssl.operator import Operator
 from robocup_vision.ssl.problems import Problems
 from robocup_vision.ssl.values.referee import CiInput, Referee
 from sim2d.match.pitch_rules import is_division_a
 from sim2d.network.autoref import Autoref
-from sim2d.network.packets import NS_PER_S, tracker_packet
+from sim2d.network.packets import tracker_packet
 from sim2d.network.world import STEPS_PER_S, LeagueState
 
 IDENTIFIER = "sim2d"

@@ -14,12 +14,13 @@ from field_models.errors import ArgumentError
 from robocup_vision.ssl.controller_clients import CiClient
 from robocup_vision.ssl.field import geometry_from_field
 from robocup_vision.ssl.game import Game
+from robocup_vision.ssl.log import NS_PER_S
 from robocup_vision.ssl.values.referee import CiInput, Referee, RefereeCommand
 from robocup_vision.ssl.values.simulation import Team
 from robocup_vision.ssl.values.tracked import TrackerPacket
 from sim2d.match.pitch_rules import kick_time_s
 from sim2d.network.ball_boy import KICK_OFFS, PENALTIES, kick_place
-from sim2d.network.packets import COMMANDS, NS_PER_S, TRUTH_SOURCE, TRUTH_UUID, tracked_frame
+from sim2d.network.packets import COMMANDS, TRUTH_SOURCE, TRUTH_UUID, tracked_frame
 from sim2d.robot_link import Phase
 from sim2d.world.referee import Ruling
 from sim2d.world.state import BallState, Event, RobotState

@@ -48,12 +48,9 @@ from sim2d.world.physics import STEP_S
 from sim2d.world.state import BallState
 
 STEPS_A_FRAME = 5
-STEPS_A_GEOMETRY = STEPS_PER_S
 STEPS_A_REFEREE = 8
-# built-in players act 30 times a second, as in sim2d's own matches
+# built-in players act, and a referee looks, 30 times a second, as in sim2d's own matches
 STEPS_A_COMMAND = 10
-# a referee looks 30 times a second, as in sim2d's own matches
-STEPS_A_JUDGEMENT = 10
 # one request must not keep the simulator from everybody else
 MAX_SYNC_STEP_S = 1.0
 # the largest command that means something has half of this; more would take longer to read than there is time
@@ -167,12 +164,12 @@ class LeagueSimulator:
             if self._images is not None:
                 self._images.add(self._vision, state, self.epoch_s)
             out.append((Channel.TRACKER, encode(tracker_packet(state, steps // STEPS_A_FRAME, self.epoch_s))))
-        if steps % STEPS_A_GEOMETRY == STEPS_A_FRAME:
+        if steps % STEPS_PER_S == STEPS_A_FRAME:
             out += [(Channel.VISION, data) for data in self._vision.geometry_packets(self.world.flight)]
         while self._delayed and self._delayed[0][0] <= steps:
             out.append((Channel.VISION, self._delayed.popleft()[1]))
         if self.publishes_referee:
-            if self.referee is not None and steps % STEPS_A_JUDGEMENT == 0:
+            if self.referee is not None and steps % STEPS_A_COMMAND == 0:
                 self._judge(self.referee)
             if steps % STEPS_A_REFEREE == 0:
                 out.append((Channel.REFEREE, encode(self._referee_packet())))

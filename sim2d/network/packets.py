@@ -35,7 +35,7 @@ from sim2d.world.state import BallState, RobotState
 # the same in every run, so that a reader of a log identifies the truth
 TRUTH_UUID, TRUTH_SOURCE = "sim2d-truth", "sim2d"
 REFEREE_SOURCE = "sim2d"
-US_PER_S, NS_PER_S = 1e6, 1e9
+US_PER_S = 1e6
 _HALF_US = 300_000_000
 _STAGES = {
     "first_half": Stage.NORMAL_FIRST_HALF,

@@ -8,8 +8,8 @@ import re
 from dataclasses import dataclass
 
 from field_models.errors import ArgumentError
+from robocup_vision.ssl.log import NS_PER_S
 from robocup_vision.ssl.values.simulation import ErForceRealism
-from sim2d.network.packets import NS_PER_S
 
 MAX_CAMERAS = 16
 # fields of the message that mean the same as one of ours: theirs, ours, how many of theirs make one of ours

@@ -39,7 +39,7 @@ from robocup_vision.ssl.source_choice import SourceChoice
 from robocup_vision.ssl.values.referee import Referee
 from robocup_vision.ssl.values.simulation import Team
 from sim2d.network.controller_link import ControllerLink
-from sim2d.network.league import MAX_REQUEST_BYTES, STEPS_A_FRAME, STEPS_A_JUDGEMENT, Channel, LeagueSimulator
+from sim2d.network.league import MAX_REQUEST_BYTES, STEPS_A_COMMAND, STEPS_A_FRAME, Channel, LeagueSimulator
 from sim2d.network.packets import REFEREE_SOURCE
 from sim2d.network.sync_server import SyncServer
 from sim2d.world.physics import STEP_S
@@ -219,7 +219,7 @@ class LeagueServer(Closing):
         if simulator.world.steps % STEPS_A_FRAME == 0:
             for packet in controller.drive(simulator.world.state, simulator.epoch_s):
                 self._follow_referee(packet, None)
-        if simulator.world.steps % STEPS_A_JUDGEMENT == 0:
+        if simulator.world.steps % STEPS_A_COMMAND == 0:
             controller.judge(simulator.world.state, simulator.epoch_s)
 
     def _publish(self, packets: list[tuple[Channel, bytes]], due_s: float | None) -> None:
