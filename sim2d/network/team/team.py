@@ -193,25 +193,24 @@ class OverheadTeam:
         world = self._tracker.at_steady(t_s)
         ball = (world.balls[0].position_m.x, world.balls[0].position_m.y) if world.balls else None
         state = self.state = self._game.state(t_s, ball)
-        own = {r.robot.number: r for r in world.robots if r.robot.team == self._team}
+        numbers = [robot.robot.number for robot in world.robots if robot.robot.team == self._team]
         if state.phase in ("halt", "time_out") or state.attacks is None:
-            self.intents = dict.fromkeys(own, state.phase.replace("_", " "))
+            self.intents = dict.fromkeys(numbers, state.phase.replace("_", " "))
             self._kick = None
-            return [robot_command(number, _NOTHING) for number in own]
+            return [robot_command(number, _NOTHING) for number in numbers]
         side = state.attacks
-        robots = {_key(robot): _in_team(robot, side) for robot in world.robots}
+        robots = {(robot.robot.team, robot.robot.number): _in_team(robot, side) for robot in world.robots}
+        own = {number: robots[self._team, number] for number in numbers}
         situation = self._situation(world, state, side, t_s)
-        numbers = self._playing(own, robots, state, situation.ball)
-        roles = self._roles(numbers, robots, state, situation)
+        roles = self._roles(self._playing(own, state, situation.ball), own, state, situation)
         self._watch_kick(state, roles, robots, situation.ball)
         slow_mps = STOP_MPS if state.phase == "stop" else math.inf
         out = []
-        for number in own:
+        for number, me in own.items():
             hand = self._hands.get(number)
             if hand is None:
                 hand = self._hands[number] = _Hand(OverheadPlayer(self._field, self._limits, _MOTION, number))
-            me = robots[self._team, number]
-            others = tuple(other for key, other in robots.items() if key != (self._team, number))
+            others = tuple(other for other in robots.values() if other is not me)
             mine = replace(situation, in_mouth=self._has_ball(hand, me, situation.ball, t_s))
             orders = self._orders(number, roles, own, state, mine, me)
             command = hand.player.act(orders, mine, me, others)
@@ -244,13 +243,7 @@ class OverheadTeam:
             placement=place,
         )
 
-    def _playing(
-        self,
-        own: dict[int, TrackedRobot],
-        robots: dict[tuple[Team, int], Moving],
-        state: GameState,
-        ball: Point | None,
-    ) -> list[int]:
+    def _playing(self, own: dict[int, Moving], state: GameState, ball: Point | None) -> list[int]:
         """Return the robots that may play: with yellow cards the farthest from the ball leave."""
         numbers = sorted(own)
         if state.max_robots is None or len(numbers) <= state.max_robots:
@@ -258,7 +251,7 @@ class OverheadTeam:
         center = ball or (0.0, 0.0)
 
         def away(number: int) -> tuple[bool, float]:
-            pose = robots[self._team, number].pose
+            pose = own[number].pose
             # who is off the field already stays there
             outside = abs(pose.y_m) > self._field.width_m / 2
             return (outside, math.dist((pose.x_m, pose.y_m), center))
@@ -268,14 +261,10 @@ class OverheadTeam:
         return [number for number in numbers if number not in gone]
 
     def _roles(
-        self,
-        numbers: Sequence[int],
-        robots: dict[tuple[Team, int], Moving],
-        state: GameState,
-        now: Situation,
+        self, numbers: Sequence[int], own: dict[int, Moving], state: GameState, now: Situation
     ) -> dict[int, int]:
         """Return each playing robot's role: 0 keeps the goal, 1 goes for the ball, the others from right to left."""
-        places = {number: robots[self._team, number].pose for number in numbers}
+        places = {number: own[number].pose for number in numbers}
         field_players = [number for number in numbers if number != state.goalkeeper]
         if not field_players:
             return dict.fromkeys(numbers, 0)
@@ -385,10 +374,6 @@ def _slowed(command: Command, most_mps: float) -> Command:
         return command
     part = most_mps / speed
     return replace(command, forward_mps=part * command.forward_mps, left_mps=part * command.left_mps)
-
-
-def _key(robot: TrackedRobot) -> tuple[Team, int]:
-    return robot.robot.team, robot.robot.number
 
 
 def _in_team(robot: TrackedRobot, side: int) -> Moving:
