@@ -112,6 +112,14 @@ class TeamPortClient(_ControllerClient):
         """Say whether the game shall go on when the other team has fouled this one."""
         self._send(TeamMessage(advantage_choice=AdvantageChoice.CONTINUE if goes_on else AdvantageChoice.STOP))
 
+    def ask_for_substitution(self, *, wanted: bool = True) -> None:
+        """Ask to exchange a robot at the next opportunity, or no longer."""
+        self._send(TeamMessage(substitute_robot=wanted))
+
+    def ping(self) -> None:
+        """Ask for a reply, so that a lost connection shows."""
+        self._send(TeamMessage(ping=True))
+
 
 class CiClient(FramedClient):
     """A connection to a game controller that was started for continuous integration."""

@@ -148,3 +148,5 @@ class TeamMessage(Message):
 
     desired_keeper: Annotated[int | None, Wire(2, kind="int32")] = None
     advantage_choice: Annotated[AdvantageChoice | None, Wire(3)] = None
+    substitute_robot: Annotated[bool | None, Wire(4, "substitute_bot")] = None
+    ping: Annotated[bool | None, Wire(5)] = None

@@ -71,13 +71,15 @@ def test_an_automatic_referee_registers_and_tells_events(peer):
 
 def test_a_team_asks_and_what_is_rejected_is_said(peer):
     rejected = ControllerReply(ReplyStatus.REJECTED, "Ball is not in the opponents half")
-    port, heard = controller(peer, OK, OK, rejected, OK)
+    port, heard = controller(peer, OK, OK, rejected, OK, OK, OK)
     with TeamPortClient("Test Team", Team.YELLOW, port=port) as client:
         client.change_keeper(4)
         while not client.problems.counts:
             client.listen()
         client.choose_advantage(goes_on=True)
-        while len(heard) < 2:
+        client.ask_for_substitution()
+        client.ping()
+        while len(heard) < 5:
             client.listen()
         assert "rejects: Ball is not in the opponents half" in client.problems.take_new()[0]
     registration = decode(TeamRegistration, heard[0])
@@ -85,6 +87,7 @@ def test_a_team_asks_and_what_is_rejected_is_said(peer):
     told = [decode(TeamMessage, data) for data in heard[1:]]
     assert told[0] == TeamMessage(desired_keeper=4)
     assert told[1] == TeamMessage(advantage_choice=AdvantageChoice.CONTINUE)
+    assert told[2:] == [TeamMessage(substitute_robot=True), TeamMessage(ping=True)]
 
 
 def test_who_is_refused_or_not_answered_is_told_why(peer):
