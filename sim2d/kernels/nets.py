@@ -102,61 +102,6 @@ def cover(start: Float32Array, sizes: Sizes, ray: Vector, by_u: Vector, by_v: Ve
 
 
 @compiled(error_model="numpy")
-def draw_nets(
-    nets: Nets,
-    which: int,
-    part: tuple[int, int, int, int],
-    columns: int,
-    rays: Float32Array,
-    steps: FloatArray,
-    here: Float32Array,
-    lit: Float32Array,
-    nearest: Float32Array,
-    colors: Float32Array,
-) -> None:
-    """Lay one net over part of a tile.
-
-    Parameters
-    ----------
-    which : int
-        Row of the one to lay.
-    part : (int, int, int, int)
-        First and last row, first and last column of the tile's pixels.
-    rays : (3, N) float32
-        Through the pixels' middles, field axes, from the eye.
-    steps : (2, 3) float64
-        Change of a ray by a pixel along u and v.
-    here : (3,) float32
-        The eye, field frame, metres.
-    lit : (4,) float32
-        Level of the light at the origin, its change by x and y, its least value.
-    nearest : (2, N) float32
-        What stands in each pixel: its distance in lengths of the ray, and its share of the pixel.
-    colors : (3, N) float32
-        Blue, green, red; drawn over.
-    """
-    axes, start, sizes = from_eye(nets.rows[which], here)
-    by_u = along_axes(axes, np.float32(steps[0, 0]), np.float32(steps[0, 1]), np.float32(steps[0, 2]))
-    by_v = along_axes(axes, np.float32(steps[1, 0]), np.float32(steps[1, 1]), np.float32(steps[1, 2]))
-    level, per_x, per_y, least = lit[0] + lit[1] * here[0] + lit[2] * here[1], lit[1], lit[2], lit[3]
-    cord_b, cord_g, cord_r = nets.color[0], nets.color[1], nets.color[2]
-    blue, green, red = colors[0], colors[1], colors[2]
-    ray_x, ray_y, ray_z, depth, share = rays[0], rays[1], rays[2], nearest[0], nearest[1]
-    many = np.uintp(max(part[3] - part[2] + 1, 0))
-    for v in range(part[0], part[1] + 1):
-        first = np.uintp(v * columns + part[2])
-        for u in range(many):
-            i = first + u
-            x, y = ray_x[i], ray_y[i]
-            t, covered = cover(start, sizes, along_axes(axes, x, y, ray_z[i]), by_u, by_v)
-            covered *= _ONE - (share[i] if depth[i] < t else _ZERO)
-            bright = max(level + t * (per_x * x + per_y * y), least)
-            blue[i] += covered * (bright * cord_b - blue[i])
-            green[i] += covered * (bright * cord_g - green[i])
-            red[i] += covered * (bright * cord_r - red[i])
-
-
-@compiled(error_model="numpy")
 def _hidden_until(
     crossings: Crossings, things: UprightThings, bearing: int, distance_m: float, eye: Viewpoint
 ) -> float:

@@ -9,30 +9,20 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.floor_paint import SHADE_REACH, is_inside, light_beside_ball, overlap
-from sim2d.kernels.frame_values import FloorPaint
+from sim2d.kernels.forward.outlines import EDGE
+from sim2d.kernels.forward.values import Tile, View
+from sim2d.kernels.things import RADIUS, X0, Y0
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _MIN_DROP = np.float32(1e-6)  # of a ray that still meets the floor
 
 
 @compiled(error_model="numpy")
-def fill_floor(rays: Float32Array, eye: Float32Array, light: Float32Array, out: Float32Array) -> None:
-    """Fill a tile with the light on the floor, before any colour.
-
-    Parameters
-    ----------
-    rays : (3, N) float32
-        Directions, field axes.
-    eye : (3,) float32
-        Place of the eye, field frame, metres.
-    light : (4,) float32
-        Level at the field's centre, change per metre along x and y, least level.
-    out : (N,) float32
-        Filled.
-    """
+def fill_floor(view: View, tile: Tile) -> None:
+    """Fill a tile's `tone` with the light on the floor, before any colour."""
+    rays, eye, light, out = tile.rays, view.here, view.lit, tile.tone
     here = light[0] + light[1] * eye[0] + light[2] * eye[1]
     along_x, along_y, least, height = light[1], light[2], light[3], eye[2]
     dx, dy, dz = rays[0], rays[1], rays[2]
@@ -42,30 +32,10 @@ def fill_floor(rays: Float32Array, eye: Float32Array, light: Float32Array, out: 
 
 
 @compiled(error_model="numpy")
-def cover_line(
-    line: FloatArray,
-    half_m: float,
-    part: tuple[int, int],
-    rays: Float32Array,
-    steps: FloatArray,
-    eye: Float32Array,
-    covered: Float32Array,
-) -> None:
-    """Raise the painted fractions of a tile's pixels to those of a straight line.
-
-    Parameters
-    ----------
-    line : (5,) float64
-        Row of `FloorPaint.lines`.
-    part : (int, int)
-        First pixel that it may meet, and the one after the last.
-    rays, eye
-        As in `fill_floor`.
-    steps : (2, 3) float64
-        Change of a ray by one pixel along u and along v.
-    covered : (N,) float32
-        Painted fractions, raised.
-    """
+def cover_line(view: View, number: int, part: tuple[int, int], tile: Tile) -> None:
+    """Raise a tile's painted fractions to those of a straight line, which may meet pixels part[0] to part[1] - 1."""
+    line, half_m, eye = view.paint.lines[number], view.paint.half_m, view.here
+    rays, steps, covered = tile.rays, tile.steps, tile.covered
     tx, ty, height = np.float32(line[2]), np.float32(line[3]), eye[2]
     x, y = np.float32(line[0]) - eye[0], np.float32(line[1]) - eye[1]
     off_across, off_along = x * ty - y * tx, x * tx + y * ty
@@ -90,21 +60,12 @@ def cover_line(
 
 
 @compiled(error_model="numpy")
-def cover_arc(
-    arc: FloatArray,
-    half_m: float,
-    rays: Float32Array,
-    steps: FloatArray,
-    eye: Float32Array,
-    covered: Float32Array,
-) -> None:
-    """Raise the painted fractions of a tile's pixels to those of an arc, a row of `FloorPaint.arcs`; else as a line."""
-    x, y, radius, half = (
-        np.float32(arc[0]) - eye[0],
-        np.float32(arc[1]) - eye[1],
-        np.float32(arc[2]),
-        np.float32(half_m),
-    )
+def cover_arc(view: View, number: int, tile: Tile) -> None:
+    """Raise a tile's painted fractions to those of an arc."""
+    arc, half_m, eye = view.paint.arcs[number], view.paint.half_m, view.here
+    rays, steps, covered = tile.rays, tile.steps, tile.covered
+    x, y = np.float32(arc[0]) - eye[0], np.float32(arc[1]) - eye[1]
+    radius, half = np.float32(arc[2]), np.float32(half_m)
     aim_x, aim_y, sweep, height = np.float32(arc[3]), np.float32(arc[4]), np.float32(arc[5]), eye[2]
     ux, uy, uz = np.float32(steps[0, 0]), np.float32(steps[0, 1]), np.float32(steps[0, 2])
     vx, vy, vz = np.float32(steps[1, 0]), np.float32(steps[1, 1]), np.float32(steps[1, 2])
@@ -125,10 +86,11 @@ def cover_arc(
 
 
 @compiled(error_model="numpy")
-def shade_floor(ball: Float32Array, rays: Float32Array, height: np.float32, tone: Float32Array) -> None:
-    """Darken the floor's light `tone` (N,) around a ball, (3,) float32: x and y from the eye, radius."""
-    x, y, per_radius2 = ball[0], ball[1], np.float32(1) / (ball[2] * ball[2])
-    reach2 = (np.float32(SHADE_REACH) * ball[2]) ** 2
+def shade_floor(view: View, number: int, tile: Tile) -> None:
+    """Darken the light on a tile's floor around a ball."""
+    row, rays, height, tone = view.things[number], tile.rays, view.here[2], tile.tone
+    x, y, radius = row[X0], row[Y0], row[RADIUS]
+    per_radius2, reach2 = np.float32(1) / (radius * radius), (np.float32(SHADE_REACH) * radius) ** 2
     for i in range(rays.shape[1]):
         if rays[2, i] >= -_MIN_DROP:
             continue
@@ -140,28 +102,12 @@ def shade_floor(ball: Float32Array, rays: Float32Array, height: np.float32, tone
 
 
 @compiled(error_model="numpy")
-def end_carpet(
-    paint: FloorPaint,
-    near: Int32Array,
-    near_count: int,
-    rays: Float32Array,
-    steps: FloatArray,
-    eye: Float32Array,
-    carpet: Float32Array,
-) -> None:
-    """Fill in how much of each pixel of a tile, that edges of the carpet may cross, is carpet.
-
-    Parameters
-    ----------
-    near : (E,) int32
-        Numbers of the edges that may cross the tile; the first `near_count` count.
-    rays, steps, eye
-        As in `cover_line`.
-    carpet : (N,) float32
-        Filled: 1 on the carpet, 0 beside it.
-    """
+def end_carpet(view: View, tile: Tile) -> None:
+    """Fill a tile's `covered` with how much of each pixel is carpet, where edges of the carpet may cross it."""
+    paint, eye, rays, steps, carpet = view.paint, view.here, tile.rays, tile.steps, tile.covered
+    near, near_count = tile.seen[EDGE], tile.seen_count[EDGE]
     if not paint.is_convex:
-        _end_any_carpet(paint, near, near_count, rays, steps, eye, carpet)
+        _end_any_carpet(view, tile)
         return
     dx, dy, dz = rays[0], rays[1], rays[2]
     for i in range(len(carpet)):
@@ -186,17 +132,10 @@ def end_carpet(
 
 
 @compiled(error_model="numpy")
-def _end_any_carpet(
-    paint: FloorPaint,
-    near: Int32Array,
-    near_count: int,
-    rays: Float32Array,
-    steps: FloatArray,
-    eye: Float32Array,
-    carpet: Float32Array,
-) -> None:
+def _end_any_carpet(view: View, tile: Tile) -> None:
     """End a carpet of any shape."""
-    edges = paint.edges
+    edges, eye, rays, steps, carpet = view.paint.edges, view.here, tile.rays, tile.steps, tile.covered
+    near, near_count = tile.seen[EDGE], tile.seen_count[EDGE]
     for i in range(len(carpet)):
         drop = -rays[2, i]
         if drop <= _MIN_DROP:

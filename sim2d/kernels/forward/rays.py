@@ -8,7 +8,7 @@ import numpy as np
 
 from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.forward.values import ForwardLens
+from sim2d.kernels.forward.values import ForwardLens, Tile
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
@@ -45,14 +45,9 @@ def turn_bounds(bounds: Float32Array, shutter: tuple[float, float, float, float]
 
 
 @compiled(error_model="numpy")
-def turn_slopes(
-    slopes: Float32Array,
-    per_pixel: Float32Array,
-    rows: Float32Array,
-    v0: int,
-    shutter: tuple[float, float, float, float],
-) -> None:
+def turn_slopes(tile: Tile, rows: Float32Array, v0: int, shutter: tuple[float, float, float, float]) -> None:
     """Turn the slopes of a tile, and their change by a pixel, as the camera turns while its rows are read."""
+    slopes, per_pixel = tile.slopes, tile.per_pixel
     tx, ty, tz = np.float32(shutter[0]), np.float32(shutter[1]), np.float32(shutter[2])
     per_row, first = np.float32(shutter[3]), np.float32(v0 * shutter[3] - 0.5)
     right, down = slopes[0], slopes[1]
@@ -67,9 +62,10 @@ def turn_slopes(
 
 
 @compiled(error_model="numpy")
-def fill_slopes(lens: ForwardLens, row: int, column: int, slopes: Float32Array) -> None:
-    """Fill in the slopes of a tile's pixels."""
-    per_pixel, right, down = lens.per_pixel[row, column], slopes[0], slopes[1]
+def fill_slopes(lens: ForwardLens, row: int, column: int, tile: Tile) -> None:
+    """Fill in the slopes of a tile's pixels, and their change by a pixel."""
+    tile.per_pixel[:] = lens.per_pixel[row, column]
+    per_pixel, right, down = tile.per_pixel, tile.slopes[0], tile.slopes[1]
     if len(lens.slopes):
         right[:], down[:] = lens.slopes[row, column, 0], lens.slopes[row, column, 1]
         return
@@ -82,11 +78,9 @@ def fill_slopes(lens: ForwardLens, row: int, column: int, slopes: Float32Array) 
 
 
 @compiled(error_model="numpy")
-def cast(
-    slopes: Float32Array, per_pixel: Float32Array, rotation: FloatArray, rays: Float32Array, steps: FloatArray
-) -> None:
-    """Fill in the rays of a tile, and the change of a ray by a pixel."""
-    right, down = slopes[0], slopes[1]
+def cast(rotation: FloatArray, tile: Tile) -> None:
+    """Fill in the rays of a tile from its slopes, and the change of a ray by a pixel."""
+    right, down, per_pixel, rays, steps = tile.slopes[0], tile.slopes[1], tile.per_pixel, tile.rays, tile.steps
     for axis in range(3):
         ahead, left, up = rotation[axis, 0], rotation[axis, 1], rotation[axis, 2]
         steps[0, axis] = -left * per_pixel[0] - up * per_pixel[2]
@@ -98,9 +92,9 @@ def cast(
 
 
 @compiled(error_model="numpy")
-def cast_corners(rays: Float32Array, tile: tuple[int, int], steps: FloatArray, corner_rays: Float32Array) -> None:
+def cast_corners(tile: Tile) -> None:
     """Fill in the rays through the corners of a tile's pixels from those through their middles."""
-    rows, columns = tile
+    (rows, columns), rays, steps, corner_rays = tile.shape, tile.rays, tile.steps, tile.corner_rays
     wide = columns + 1
     for axis in range(3):
         by_u, by_v = np.float32(steps[0, axis]), np.float32(steps[1, axis])
@@ -116,14 +110,12 @@ def cast_corners(rays: Float32Array, tile: tuple[int, int], steps: FloatArray, c
 
 
 @compiled(error_model="numpy")
-def pixels_of(
-    bounds: Float32Array, of_tile: Float32Array, per_pixel: Float32Array, tile: tuple[int, int]
-) -> tuple[int, int, int, int]:
+def pixels_of(bounds: Float32Array, tile: Tile) -> tuple[int, int, int, int]:
     """Return the first and last row, first and last column of a tile in which an outline may be seen, with a margin."""
-    rows, columns = tile
+    (rows, columns), per_pixel = tile.shape, tile.per_pixel
     across_v = abs(per_pixel[1]) * rows + per_pixel[0]  # a lens bends columns and rows
     across_u = abs(per_pixel[2]) * columns + per_pixel[3]
-    right, down = of_tile[0, 0], of_tile[1, 0]
+    right, down = tile.slopes[0, 0], tile.slopes[1, 0]
     u0 = math.floor((bounds[0] - across_v - right) / per_pixel[0]) - 1
     u1 = math.ceil((bounds[1] + across_v - right) / per_pixel[0]) + 1
     v0 = math.floor((bounds[2] - across_u - down) / per_pixel[3]) - 1

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Array, UInt8Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.floor_paint import is_inside
 from sim2d.kernels.forward.floor import cover_arc, cover_line, end_carpet, fill_floor, shade_floor
@@ -30,12 +30,11 @@ from sim2d.kernels.forward.outlines import (
     overlaps,
 )
 from sim2d.kernels.forward.rays import camera_ray, cast, fill_slopes, pixels_of, turn_bounds, turn_slopes, turned
-from sim2d.kernels.forward.standing import draw_things
-from sim2d.kernels.forward.values import ForwardEye, ForwardLens, Outlines
+from sim2d.kernels.forward.standing import draw_net, draw_things
+from sim2d.kernels.forward.values import ForwardEye, ForwardLens, Outlines, Tile, View
 from sim2d.kernels.frame_values import FloorPaint, Lighting, Nets, UprightThings, WallPicture
-from sim2d.kernels.nets import draw_nets
 from sim2d.kernels.room import draw_wall, wall_point
-from sim2d.kernels.things import RADIUS, X0, Y0, rows_from_eye
+from sim2d.kernels.things import rows_from_eye
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _MOST = np.float32(255.0)
@@ -53,7 +52,7 @@ def draw_forward(
     light: Lighting,
     wall: WallPicture,
     outlines: Outlines,
-    tile: tuple[int, int],
+    shape: tuple[int, int],
     planes: UInt8Array,
 ) -> None:
     """Draw a frame.
@@ -64,7 +63,7 @@ def draw_forward(
         On everything but the wall.
     outlines : Outlines
         Room for all of them; changed.
-    tile : (int, int)
+    shape : (int, int)
         Rows and columns of pixels of a tile.
     planes : (3, H, W) uint8
         Blue, green, red of the frame, filled.
@@ -72,36 +71,26 @@ def draw_forward(
     here = np.array([eye.x_m, eye.y_m, eye.height_m], dtype=np.float32)
     lit = np.array([light.level, light.per_m_x, light.per_m_y, light.min_level], dtype=np.float32)
     lamp = np.array([math.cos(light.lamp_rad), math.sin(light.lamp_rad)], dtype=np.float32)
-    near_rows = rows_from_eye(things, eye.x_m, eye.y_m)
+    view = View(paint, nets, rows_from_eye(things, eye.x_m, eye.y_m), things.colors, outlines, here, lit, lamp)
     tile_rows, tile_columns, _ = lens.bounds.shape
     thin = 2.0 * float(lens.per_pixel[tile_rows // 2, tile_columns // 2, 0])
     count = outline_things(things, eye, thin, outline_floor(paint, eye, thin, outlines), outlines)
     count = outline_nets(nets, eye, count, outlines)
-    at_corners = _wall_at_corners(lens, eye, wall, planes.shape[1], tile[0])
+    at_corners = _wall_at_corners(lens, eye, wall, planes.shape[1], shape[0])
 
-    pixels = tile[0] * tile[1]
-    # what is made of arrays is made once a frame: for each tile it takes longer than the tile's own pixels
+    tile = _new_tile(shape, len(outlines.owners))
     size_px, flat, cells_of_wall = planes.shape[1:], planes.reshape((3, -1)), wall.cells.reshape(-1)
     tone_of_floor = _tone_of_floor(eye.rotation, here, lit)
-    rays, slopes = np.empty((3, pixels), dtype=np.float32), np.empty((2, pixels), dtype=np.float32)
-    colors = np.zeros((3, pixels), dtype=np.float32)
-    tone, covered = np.empty(pixels, dtype=np.float32), np.empty(pixels, dtype=np.float32)
-    fine = np.zeros(pixels, dtype=np.uint8)
-    cells, mixed = np.empty((4, pixels), dtype=np.int32), np.empty(pixels, dtype=np.uint64)
-    seen = np.empty((NET_ROWS + 1, len(outlines.owners)), dtype=np.int32)
-    seen_count = np.empty(NET_ROWS + 1, dtype=np.int64)
-    nearest = np.zeros((2, pixels), dtype=np.float32)
-    corner_rays = np.empty((3, (tile[0] + 1) * (tile[1] + 1)), dtype=np.float32)
-    ids, depth = np.empty(corner_rays.shape[1], dtype=np.int32), np.empty(corner_rays.shape[1], dtype=np.float32)
-    steps, corners = np.empty((2, 3)), np.empty((2, 3, 2))
+    cells, mixed = np.empty((4, len(tile.tone)), dtype=np.int32), np.empty(len(tile.tone), dtype=np.uint64)
+    corners, seen_count = np.empty((2, 3, 2)), tile.seen_count
     is_turning = (eye.turn_rad != 0).any()
-    per_pixel, bounds = np.empty(4, dtype=np.float32), lens.bounds[0].copy()
+    bounds = lens.bounds[0].copy()
     shutter = (eye.turn_rad[0], eye.turn_rad[1], eye.turn_rad[2], 1.0 / max(planes.shape[1] - 1, 1))
     active = np.empty(len(outlines.owners), dtype=np.int32)
     for row in range(tile_rows):
         bounds[:] = lens.bounds[row]
         if is_turning:
-            turn_bounds(bounds, shutter, row * tile[0], tile[0])
+            turn_bounds(bounds, shutter, row * shape[0], shape[0])
         upper, lower = bounds[:, 2].min(), bounds[:, 3].max()
         active_count = 0
         for n in range(count):
@@ -109,66 +98,50 @@ def draw_forward(
                 active[active_count] = n
                 active_count += 1
         for column in range(tile_columns):
-            _find_owners(bounds[column], outlines, active[:active_count], seen, seen_count)
+            _find_owners(bounds[column], outlines, active[:active_count], tile)
             kind = _wall_corners(at_corners, row, column, wall.turn, corners)
             if kind == _ON_FLOOR and not is_turning and not seen_count.any():
                 color = _floor_color(lens, row, column, paint, eye)
-                _store_floor(lens, tile, row, column, tone_of_floor, color, size_px, flat)
+                _store_floor(lens, shape, row, column, tone_of_floor, color, size_px, flat)
                 continue
             if kind != _IN_ROOM or seen_count[THING] or seen_count[NET]:
-                per_pixel[:] = lens.per_pixel[row, column]
-                fill_slopes(lens, row, column, slopes)
+                fill_slopes(lens, row, column, tile)
                 if is_turning:
-                    turn_slopes(slopes, per_pixel, lens.places[1], row * tile[0], shutter)
-                cast(slopes, per_pixel, eye.rotation, rays, steps)
+                    turn_slopes(tile, lens.places[1], row * shape[0], shutter)
+                cast(eye.rotation, tile)
             if kind != _IN_ROOM:
-                _draw_floor(
-                    paint,
-                    near_rows,
-                    outlines,
-                    slopes,
-                    per_pixel,
-                    tile,
-                    rays,
-                    steps,
-                    here,
-                    lit,
-                    seen,
-                    seen_count,
-                    tone,
-                    covered,
-                    colors,
-                )
+                _draw_floor(view, tile)
             if kind != _ON_FLOOR:
-                draw_wall(corners, tile, wall, cells_of_wall, lens.places[0], cells, mixed, colors)
+                draw_wall(corners, shape, wall, cells_of_wall, lens.places[0], cells, mixed, tile.colors)
             if seen_count[NET]:
-                nearest[1] = _ZERO
+                tile.nearest[1] = _ZERO
             if seen_count[THING]:
-                draw_things(
-                    near_rows,
-                    things.colors,
-                    outlines,
-                    seen,
-                    seen_count,
-                    slopes,
-                    per_pixel,
-                    tile,
-                    rays,
-                    steps,
-                    here,
-                    lit,
-                    lamp,
-                    fine,
-                    corner_rays,
-                    ids,
-                    depth,
-                    nearest,
-                    colors,
-                )
+                draw_things(view, tile)
             for n in range(seen_count[NET]):
-                part = pixels_of(outlines.bounds[seen[NET_ROWS, n]], slopes, per_pixel, tile)
-                draw_nets(nets, seen[NET, n], part, tile[1], rays, steps, here, lit, nearest, colors)
-            _store(lens, tile, row, column, colors, size_px, flat)
+                draw_net(view, tile, n)
+            _store(lens, row, column, tile, size_px, flat)
+
+
+@compiled(error_model="numpy")
+def _new_tile(shape: tuple[int, int], owners: int) -> Tile:
+    pixels, corners = shape[0] * shape[1], (shape[0] + 1) * (shape[1] + 1)
+    return Tile(
+        shape,
+        np.empty((NET_ROWS + 1, owners), dtype=np.int32),
+        np.empty(NET_ROWS + 1, dtype=np.int64),
+        np.empty((2, pixels), dtype=np.float32),
+        np.empty(4, dtype=np.float32),
+        np.empty((3, pixels), dtype=np.float32),
+        np.empty((2, 3)),
+        np.empty(pixels, dtype=np.float32),
+        np.empty(pixels, dtype=np.float32),
+        np.zeros((3, pixels), dtype=np.float32),
+        np.zeros((2, pixels), dtype=np.float32),
+        np.empty((3, corners), dtype=np.float32),
+        np.empty(corners, dtype=np.int32),
+        np.empty(corners, dtype=np.float32),
+        np.zeros(pixels, dtype=np.uint8),
+    )
 
 
 @compiled(error_model="numpy")
@@ -212,10 +185,9 @@ def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture, tall
 
 
 @compiled(error_model="numpy")
-def _find_owners(
-    bounds: Float32Array, outlines: Outlines, active: Int32Array, seen: Int32Array, seen_count: Int64Array
-) -> None:
+def _find_owners(bounds: Float32Array, outlines: Outlines, active: Int32Array, tile: Tile) -> None:
     """List by kind what may be seen in a tile, each once."""
+    seen, seen_count = tile.seen, tile.seen_count
     seen_count[:] = 0
     left, right, upper, lower = bounds[0], bounds[1], bounds[2], bounds[3]
     for n in active:
@@ -290,7 +262,7 @@ def _tone_of_floor(rotation: FloatArray, here: Float32Array, lit: Float32Array) 
 @compiled(error_model="numpy")
 def _store_floor(
     lens: ForwardLens,
-    tile: tuple[int, int],
+    shape: tuple[int, int],
     row: int,
     column: int,
     tone_of_floor: FloorTone,
@@ -300,8 +272,8 @@ def _store_floor(
 ) -> None:
     """Put a tile of plain floor into the frame: as `fill_floor` and `_store`, at once."""
     height, width = size_px
-    v0, u0 = row * tile[0], column * tile[1]
-    rows, many = min(tile[0], height - v0), np.uintp(min(tile[1], width - u0))
+    v0, u0 = row * shape[0], column * shape[1]
+    rows, many = min(shape[0], height - v0), np.uintp(min(shape[1], width - u0))
     per_pixel, gain = lens.per_pixel[row, column], lens.gains[row, column]
     a0, a1, a2, d0, d1, d2, level, least = tone_of_floor
     blue, green, red = color[0], color[1], color[2]
@@ -318,7 +290,7 @@ def _store_floor(
     a0, a1, a2 = a0 - a1 * first_right - a2 * first_down, a1 * by_u, a2 * by_v
     d0, d1, d2 = d0 - d1 * first_right - d2 * first_down, d1 * by_u, d2 * by_v
     for v in range(rows):
-        start, put = np.uintp(v * tile[1]), np.uintp((v0 + v) * width + u0)
+        start, put = np.uintp(v * shape[1]), np.uintp((v0 + v) * width + u0)
         for u in range(many):
             i, k = start + u, put + u
             drop = d0 - d1 * right[i] - d2 * down[i]
@@ -329,42 +301,22 @@ def _store_floor(
 
 
 @compiled(error_model="numpy")
-def _draw_floor(
-    paint: FloorPaint,
-    near_rows: Float32Array,
-    outlines: Outlines,
-    slopes: Float32Array,
-    per_pixel: Float32Array,
-    tile: tuple[int, int],
-    rays: Float32Array,
-    steps: FloatArray,
-    here: Float32Array,
-    lit: Float32Array,
-    seen: Int32Array,
-    seen_count: Int64Array,
-    tone: Float32Array,
-    covered: Float32Array,
-    colors: Float32Array,
-) -> None:
+def _draw_floor(view: View, tile: Tile) -> None:
     """Fill a tile with carpet, lines and ground."""
-    pixels = len(tone)
-    fill_floor(rays, here, lit, tone)
+    paint, here, columns, rays, seen_count = view.paint, view.here, tile.shape[1], tile.rays, tile.seen_count
+    tone, covered, colors, pixels = tile.tone, tile.covered, tile.colors, len(tile.tone)
+    fill_floor(view, tile)
     for n in range(seen_count[SHADE]):
-        row = near_rows[seen[SHADE, n]]
-        ball = np.array([row[X0], row[Y0], row[RADIUS]], dtype=np.float32)
-        shade_floor(ball, rays, here[2], tone)
+        shade_floor(view, tile.seen[SHADE, n], tile)
     base, over = paint.colors[0], paint.colors[1]
     if seen_count[LINE] or seen_count[ARC]:
         covered[:pixels] = _ZERO
         for n in range(seen_count[LINE]):
-            outline = outlines.bounds[seen[LINE_ROWS, n]]
-            v0, v1, _, _ = pixels_of(outline, slopes, per_pixel, tile)
-            if v1 < v0:
-                continue
-            part = v0 * tile[1], (v1 + 1) * tile[1]
-            cover_line(paint.lines[seen[LINE, n]], paint.half_m, part, rays, steps, here, covered)
+            v0, v1, _, _ = pixels_of(view.outlines.bounds[tile.seen[LINE_ROWS, n]], tile)
+            if v1 >= v0:
+                cover_line(view, tile.seen[LINE, n], (v0 * columns, (v1 + 1) * columns), tile)
         for n in range(seen_count[ARC]):
-            cover_arc(paint.arcs[seen[ARC, n]], paint.half_m, rays, steps, here, covered)
+            cover_arc(view, tile.seen[ARC, n], tile)
         for channel in range(3):
             first, more, of_channel = base[channel], over[channel] - base[channel], colors[channel]
             for i in range(pixels):
@@ -376,7 +328,7 @@ def _draw_floor(
                 of_channel[i] = tone[i] * first
     is_carpet = True
     if seen_count[EDGE]:
-        end_carpet(paint, seen[EDGE], seen_count[EDGE], rays, steps, here, covered)
+        end_carpet(view, tile)
         is_carpet = False
     else:
         for i in (0, pixels - 1):  # on the floor, if the tile shows any, at one of these
@@ -396,23 +348,15 @@ def _draw_floor(
 
 
 @compiled(error_model="numpy")
-def _store(
-    lens: ForwardLens,
-    tile: tuple[int, int],
-    row: int,
-    column: int,
-    colors: Float32Array,
-    size_px: tuple[int, int],
-    planes: UInt8Array,
-) -> None:
+def _store(lens: ForwardLens, row: int, column: int, tile: Tile, size_px: tuple[int, int], planes: UInt8Array) -> None:
     """Put a tile into the frame through the lens."""
-    height, width = size_px
-    v0, u0 = row * tile[0], column * tile[1]
-    rows, many = min(tile[0], height - v0), np.uintp(min(tile[1], width - u0))
+    (height, width), (tall, wide), colors = size_px, tile.shape, tile.colors
+    v0, u0 = row * tall, column * wide
+    rows, many = min(tall, height - v0), np.uintp(min(wide, width - u0))
     gain = lens.gains[row, column]
     for channel in range(3):
         of_channel, plane = colors[channel], planes[channel]
         for v in range(rows):
-            start, put = np.uintp(v * tile[1]), np.uintp((v0 + v) * width + u0)
+            start, put = np.uintp(v * wide), np.uintp((v0 + v) * width + u0)
             for u in range(many):
                 plane[put + u] = np.uint8(np.int32(min(of_channel[start + u] * gain[start + u] + _HALF, _MOST)))

@@ -1,10 +1,11 @@
-"""Common values of the compiled loops of a forward camera's frame: lens, eye, outlines."""
+"""Common values of the compiled loops of a forward camera's frame: lens, eye, outlines, view, tile."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, Int64Array, UInt8Array
+from sim2d.kernels.frame_values import FloorPaint, Nets
 
 
 class ForwardLens(NamedTuple):
@@ -48,3 +49,53 @@ class Outlines(NamedTuple):
     bounds: Float32Array
     #: (P, 3) int32: kind (see `forward.outlines`), number, and whether it is thinner than two pixels somewhere.
     owners: Int32Array
+
+
+class View(NamedTuple):
+    """What all tiles of a frame are drawn from, field axes."""
+
+    paint: FloorPaint
+    nets: Nets
+    #: (T, 10) float32: `UprightThings.rows` with the eye's foot as the origin.
+    things: Float32Array
+    #: (C, 3) float32: BGR of things.
+    colors: Float32Array
+    outlines: Outlines
+    #: (3,) float32: the eye, field frame, metres.
+    here: Float32Array
+    #: (4,) float32: level of the light at the field's centre, its change per metre along x and y, its least value.
+    lit: Float32Array
+    #: (2,) float32: unit direction towards the lamp.
+    lamp: Float32Array
+
+
+class Tile(NamedTuple):
+    """One tile of N pixels, row by row: what may be seen in it, and what is drawn so far.
+
+    Arrays are made once a frame: for each tile that takes longer than the tile's own pixels.
+    """
+
+    #: Rows and columns of pixels.
+    shape: tuple[int, int]
+    #: Numbers of the owners that may be seen, by kind, and of their outlines; how many they are.
+    seen: Int32Array
+    seen_count: Int64Array
+    #: (2, N) float32: slopes right and down of the pixels; (4,) float32: as a row of `ForwardLens.per_pixel`.
+    slopes: Float32Array
+    per_pixel: Float32Array
+    #: (3, N) float32: rays through the pixels' middles; (2, 3) float64: their change by a pixel along u and along v.
+    rays: Float32Array
+    steps: FloatArray
+    #: (N,) float32: light on the floor; share of each pixel that is painted, or carpet.
+    tone: Float32Array
+    covered: Float32Array
+    #: (3, N) float32: blue, green, red.
+    colors: Float32Array
+    #: (2, N) float32: what stands in each pixel: its distance in lengths of the ray, and its share of the pixel.
+    nearest: Float32Array
+    #: (3, C) float32: rays through the pixels' corners; (C,): what they meet first, and how far away.
+    corner_rays: Float32Array
+    ids: Int32Array
+    depth: Float32Array
+    #: (N,) uint8: 1 where a thin thing may be seen.
+    fine: UInt8Array
