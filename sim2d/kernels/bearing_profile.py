@@ -11,9 +11,9 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
+from robocup_vision.arrays import Float32Array
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.frame_values import Crossings, Lighting, Spans, UprightThings, Viewpoint, WallPicture
+from sim2d.kernels.frame_values import Bearings, MirrorView
 from sim2d.kernels.room import cell_color, wall_point
 from sim2d.kernels.things import (
     BALL,
@@ -36,7 +36,7 @@ from sim2d.kernels.things import (
 
 # kinds of spans; of a ball its number among the things more
 FLOOR, PAINT, OF_BALL = range(3)
-# columns of `Crossings.entries`; of a ball the last two are the slopes between which it is seen
+# columns of `Bearings.entries`; of a ball the last two are the slopes between which it is seen
 NEAR, FAR, THING, FIRST_COLOR, SHADE = range(5)
 LOW, HIGH = FIRST_COLOR, SHADE
 # of `FloorPaint.colors`
@@ -48,11 +48,9 @@ ROOM_STRIDE = 16
 
 
 @compiled(inline="always")
-def _add(
-    bearing: int, near_m: float, far_m: float, thing: int, color: float, shade: float, crossings: Crossings
-) -> None:
+def _add(bearing: int, near_m: float, far_m: float, thing: int, color: float, shade: float, bearings: Bearings) -> None:
     """Insert a thing into a bearing's list, sorted by distance; the farthest falls out of a full list."""
-    count, entries = crossings.lengths, crossings.entries
+    count, entries = bearings.lengths, bearings.entries
     k = count[bearing]
     is_full = k == entries.shape[1]
     if is_full:
@@ -81,11 +79,11 @@ def _meet_sheet(
     ends: tuple[float, float, float, float],
     thing: int,
     colors: tuple[int, int],
-    eye: Viewpoint,
-    directions: FloatArray,
-    crossings: Crossings,
+    view: MirrorView,
+    bearings: Bearings,
 ) -> None:
     """Enter an upright sheet (x0, y0, x1, y1, field frame, metres) with its colours seen from left and right."""
+    eye, directions = view.eye, view.pixels.directions
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     x, y = ends[0] - eye.x_m, ends[1] - eye.y_m
     ax, ay = c * x + s * y, c * y - s * x
@@ -102,7 +100,7 @@ def _meet_sheet(
         k = i if i < turns else i - turns
         across = directions[k, 2] * (ax - bx) - directions[k, 1] * (ay - by)
         if across > 0:
-            _add(k, turn / across, turn / across, thing, color, 1.0, crossings)
+            _add(k, turn / across, turn / across, thing, color, 1.0, bearings)
 
 
 @compiled(error_model="numpy")
@@ -119,30 +117,14 @@ def _ball_slopes(toward: float, aside: float, radius: float, height_m: float) ->
 
 
 @compiled(error_model="numpy")
-def meet_things(
-    things: UprightThings,
-    edges: FloatArray,
-    lamp_rad: float,
-    eye: Viewpoint,
-    directions: FloatArray,
-    crossings: Crossings,
-) -> None:
-    """Enter the carpet's edges, sheets, cylinders, balls and boxes into the lists of the bearings that meet them.
-
-    Parameters
-    ----------
-    edges : (K, 4) float64
-        As in `FloorPaint`.
-    lamp_rad : float
-        Direction of the light, field frame.
-    directions : (K, 3) float64
-        As in `PixelRays`.
-    crossings : Crossings
-        Extended.
-    """
+def meet_things(view: MirrorView, bearings: Bearings) -> None:
+    """Enter the carpet's edges, sheets, cylinders, balls and boxes into the lists of the bearings that meet them."""
+    things, edges, eye, directions = view.things, view.paint.edges, view.eye, view.pixels.directions
+    lamp_rad = view.light.lamp_rad
+    bearings.lengths[:] = 0
     for k in range(len(edges)):
         ends = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
-        _meet_sheet(ends, EDGE, (0, 0), eye, directions, crossings)
+        _meet_sheet(ends, EDGE, (0, 0), view, bearings)
     turns = len(directions)
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     lamp_x, lamp_y = math.cos(lamp_rad - eye.heading_rad), math.sin(lamp_rad - eye.heading_rad)
@@ -151,7 +133,7 @@ def meet_things(
         kind, color, other = int(row[KIND]), int(row[COLOR]), row[OTHER]
         if kind == SHEET:
             ends = row[X0], row[Y0], row[X1], row[Y1]
-            _meet_sheet(ends, thing, (color, int(other)), eye, directions, crossings)
+            _meet_sheet(ends, thing, (color, int(other)), view, bearings)
         if kind != CYLINDER and kind != BALL and kind != BOX:
             continue
         dx, dy, radius = row[X0] - eye.x_m, row[Y0] - eye.y_m, row[RADIUS]
@@ -170,34 +152,26 @@ def meet_things(
             if kind == BOX:
                 enter, leave, face = meet_box_sides(box, cos, sin)
                 if 0 < enter < leave:
-                    _add(k, float(enter), float(leave), thing, color + int(face), 1.0, crossings)
+                    _add(k, float(enter), float(leave), thing, color + int(face), 1.0, bearings)
                 continue
             toward, aside = cos * x + sin * y, cos * y - sin * x
             if kind == BALL:
                 low, high = _ball_slopes(toward, aside, radius, eye.height_m)
                 if low < high:
-                    _add(k, toward, toward, thing, low, high, crossings)
+                    _add(k, toward, toward, thing, low, high, bearings)
                 continue
             chord = math.sqrt(max(radius * radius - aside * aside, 0.0))
             distance = toward - chord
             facing = ((distance * cos - x) * lamp_x + (distance * sin - y) * lamp_y) / radius
-            _add(k, distance, toward + chord, thing, color, 0.75 + 0.20 * facing, crossings)
+            _add(k, distance, toward + chord, thing, color, 0.75 + 0.20 * facing, bearings)
 
 
 @compiled(inline="always")
 def _end_span(
-    k: int,
-    n: int,
-    end: float,
-    kind: int,
-    colors: Float32Array,
-    color: np.uintp,
-    light: float,
-    ends: Float32Array,
-    kinds: Int32Array,
-    paint: Float32Array,
+    k: int, n: int, end: float, kind: int, colors: Float32Array, color: np.uintp, light: float, bearings: Bearings
 ) -> int:
     """Append a span to bearing k's stack of n unless it is hidden or the stack is full; return the new n."""
+    ends, kinds, paint = bearings.ends, bearings.kinds, bearings.paint
     slope = np.float32(end)
     if (n > 0 and slope <= ends[k, n - 1]) or n == ends.shape[1] - 1:
         return n
@@ -208,20 +182,9 @@ def _end_span(
 
 
 @compiled(error_model="numpy", inline="always")
-def _end_thing(
-    k: int,
-    n: int,
-    entries: Float32Array,
-    e: int,
-    lit: float,
-    height_m: float,
-    rows: FloatArray,
-    colors: Float32Array,
-    ends: Float32Array,
-    kinds: Int32Array,
-    paint: Float32Array,
-) -> int:
+def _end_thing(k: int, n: int, e: int, lit: float, view: MirrorView, bearings: Bearings) -> int:
     """Append the spans of entry e of bearing k to its stack of n: a thing's bands, its top and a marker there."""
+    entries, rows, colors, height_m = bearings.entries, view.things.rows, view.things.colors, view.eye.height_m
     # a row of an array would be counted and let go again, which takes longer than what is read of it
     thing, color = np.uintp(int(entries[k, e, THING])), np.uintp(int(entries[k, e, FIRST_COLOR]))
     distance, far, shade = float(entries[k, e, NEAR]), float(entries[k, e, FAR]), entries[k, e, SHADE]
@@ -230,7 +193,7 @@ def _end_thing(
     bands = int(rows[thing, BANDS]) if kind == CYLINDER else 1
     for band in range(bands):
         top = (height * (band + 1) / bands - height_m) / distance
-        n = _end_span(k, n, top, PAINT, colors, color + np.uintp(band), lit * shade, ends, kinds, paint)
+        n = _end_span(k, n, top, PAINT, colors, color + np.uintp(band), lit * shade, bearings)
     if kind != SHEET and height < height_m:
         # of all its colours the last
         drop, top_color = height - height_m, np.uintp(int(rows[thing, COLOR] + rows[thing, BANDS]) - 1)
@@ -238,37 +201,19 @@ def _end_thing(
         marker2 = half * half - rows[thing, RADIUS] ** 2 * (1 - MARKER_RATIO * MARKER_RATIO)
         if kind == CYLINDER and rows[thing, OTHER] >= 0 and marker2 > 0:
             marker, marker_color = math.sqrt(marker2), np.uintp(int(rows[thing, OTHER]))
-            n = _end_span(k, n, drop / (middle - marker), PAINT, colors, top_color, lit, ends, kinds, paint)
-            n = _end_span(k, n, drop / (middle + marker), PAINT, colors, marker_color, lit, ends, kinds, paint)
-        n = _end_span(k, n, drop / far, PAINT, colors, top_color, lit, ends, kinds, paint)
+            n = _end_span(k, n, drop / (middle - marker), PAINT, colors, top_color, lit, bearings)
+            n = _end_span(k, n, drop / (middle + marker), PAINT, colors, marker_color, lit, bearings)
+        n = _end_span(k, n, drop / far, PAINT, colors, top_color, lit, bearings)
     return n
 
 
 @compiled(error_model="numpy")
-def stack_spans(
-    crossings: Crossings,
-    things: UprightThings,
-    floor_colors: Float32Array,
-    directions: FloatArray,
-    eye: Viewpoint,
-    light: Lighting,
-    wall: WallPicture,
-    spans: Spans,
-) -> None:
-    """Turn each bearing's list into spans of slope, in ascending order.
-
-    Parameters
-    ----------
-    floor_colors : (3, 3) float32
-        As in `FloorPaint`.
-    light : Lighting
-        On everything but the room's wall, of which a bearing shows one colour.
-    spans : Spans
-        Filled.
-    """
-    count, entries = crossings.lengths, crossings.entries
-    ends, kinds, paint = spans.ends, spans.kinds, spans.paint
-    rows, colors, height_m = things.rows, things.colors, eye.height_m
+def stack_spans(view: MirrorView, bearings: Bearings) -> None:
+    """Turn each bearing's list into spans of slope, in ascending order; of the room's wall it shows one colour."""
+    count, entries = bearings.lengths, bearings.entries
+    ends, kinds, paint = bearings.ends, bearings.kinds, bearings.paint
+    rows, floor_colors, directions = view.things.rows, view.paint.colors, view.pixels.directions
+    eye, light, wall, height_m = view.eye, view.light, view.wall, view.eye.height_m
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     around, last = wall.turn, len(directions) - 1
     from_k, until_k = 0, 0
@@ -295,14 +240,14 @@ def stack_spans(
             thing = EDGE if is_last else int(entries[k, e, THING])
             if thing != EDGE and rows[thing, KIND] == BALL:
                 low, high = entries[k, e, LOW], entries[k, e, HIGH]
-                n = _end_span(k, n, low, below, floor_colors, GROUND, lit_ground, ends, kinds, paint)
-                n = _end_span(k, n, high, OF_BALL + thing, floor_colors, GROUND, 0.0, ends, kinds, paint)
+                n = _end_span(k, n, low, below, floor_colors, GROUND, lit_ground, bearings)
+                n = _end_span(k, n, high, OF_BALL + thing, floor_colors, GROUND, 0.0, bearings)
                 continue
             x_m, y_m = eye.x_m + distance * cos, eye.y_m + distance * sin
             lit = max(light.level + light.per_m_x * x_m + light.per_m_y * y_m, light.min_level)
-            n = _end_span(k, n, -height_m / distance, below, floor_colors, GROUND, lit, ends, kinds, paint)
+            n = _end_span(k, n, -height_m / distance, below, floor_colors, GROUND, lit, bearings)
             if thing != EDGE:
-                n = _end_thing(k, n, entries, e, lit, height_m, rows, colors, ends, kinds, paint)
+                n = _end_thing(k, n, e, lit, view, bearings)
             else:
                 on_floor = not on_floor
             lit_ground = lit

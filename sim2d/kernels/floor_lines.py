@@ -13,7 +13,7 @@ import numpy as np
 from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.floor_paint import share_of_arc, share_of_line
-from sim2d.kernels.frame_values import PaintMarks, PixelRays, Viewpoint
+from sim2d.kernels.frame_values import Bearings, MirrorView
 
 # unsigned indices need no check for negative ones
 ONE = np.uintp(1)
@@ -68,37 +68,28 @@ def bearings_of(x: FloatArray, y: FloatArray, axis_rad: float, turns: int) -> tu
     return math.floor((middle + low) * turns / math.tau), math.ceil((middle + high) * turns / math.tau)
 
 
-@compiled(error_model="numpy")
-def mark_lines(
-    pixels: PixelRays,
-    eye: Viewpoint,
-    farthest_m: float,
-    half: float,
-    lines: FloatArray,
-    marks: PaintMarks,
-    count: int,
-) -> int:
-    """Mark the painted fraction of the patches that straight lines meet; return the new `count` of marked rays.
+@compiled(inline="always")
+def _mark(i: np.uintp, covered: np.float32, marks: Bearings, count: int) -> int:
+    """Raise a ray's painted fraction; return how many rays are marked."""
+    if covered > marks.fraction[i]:
+        if marks.fraction[i] == np.float32(0.0):
+            marks.marked[count] = i
+            count += 1
+        marks.fraction[i] = covered
+    return count
 
-    Parameters
-    ----------
-    farthest_m : float
-        Floor farther away is not seen.
-    half : float
-        Half a line's width, metres.
-    lines : (N, 5) float64
-        Start x, y, unit direction x, y, length (m), field frame.
-    marks : PaintMarks
-        Painted fractions so far, raised to those of these lines.
-    """
-    rays, first, directions, spread = pixels.rays, pixels.first, pixels.directions, pixels.spread
-    fraction = marks.fraction
+
+@compiled(error_model="numpy")
+def mark_lines(view: MirrorView, marks: Bearings) -> int:
+    """Raise the painted fractions of the patches that straight lines meet; return how many rays are marked."""
+    eye, half, lines, farthest_m = view.eye, view.paint.half_m, view.paint.lines, view.farthest_m
+    rays, first, directions, spread = view.pixels.rays, view.pixels.first, view.pixels.directions, view.pixels.spread
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     x_of, y_of, radial_of, tangential_of = rays[X], rays[Y], rays[RADIAL], rays[TANGENTIAL]
-    near_of, far_of = rays[NEAR], rays[FAR]
+    near_of, far_of, count = rays[NEAR], rays[FAR], 0
     turns = len(directions)
     corners, wide = np.empty((2, 4)), half + spread[0]
-    half_width, zero = np.float32(half), np.float32(0.0)
+    half_width = np.float32(half)
     for line in range(len(lines)):
         tx, ty = c * lines[line, 2] + s * lines[line, 3], c * lines[line, 3] - s * lines[line, 2]
         half_length = lines[line, 4] / 2
@@ -116,10 +107,8 @@ def mark_lines(
         guess = 0
         for turned in range(from_k, until_k + 1):
             k = turned % turns
-            along, across = (
-                directions[k, 1] * tx + directions[k, 2] * ty,
-                directions[k, 2] * tx - directions[k, 1] * ty,
-            )
+            cos, sin = directions[k, 1], directions[k, 2]
+            along, across = cos * tx + sin * ty, sin * tx - cos * ty
             near_m, far_m = _cut(across - spread[1], aside + wide, 0.0, farthest_m)
             near_m, far_m = _cut(-across - spread[1], wide - aside, near_m, far_m)
             near_m, far_m = _cut(along - spread[1], ahead + half_length + wide, near_m, far_m)
@@ -135,37 +124,21 @@ def mark_lines(
             while i < end and near_of[i] <= limit:
                 off_x, off_y = x_of[i] - middle_x, y_of[i] - middle_y
                 covered = share_of_line(off_x, off_y, shape, along_ray, across_ray, radial_of[i], tangential_of[i])
-                if covered > fraction[i]:
-                    if fraction[i] == zero:
-                        marks.marked[count] = i
-                        count += 1
-                    fraction[i] = covered
+                count = _mark(i, covered, marks, count)
                 i += ONE
     return count
 
 
 @compiled(error_model="numpy")
-def mark_arcs(
-    pixels: PixelRays,
-    eye: Viewpoint,
-    farthest_m: float,
-    half: float,
-    arcs: FloatArray,
-    marks: PaintMarks,
-    count: int,
-) -> int:
-    """Mark the painted fraction of the patches that arcs meet.
-
-    `arcs` is (M, 6) float64: centre x, y, radius (m), direction x, y of the middle, cosine of half the sweep (-2: a
-    full circle), field frame; other parameters as in `mark_lines`.
-    """
-    rays, first, directions, spread = pixels.rays, pixels.first, pixels.directions, pixels.spread
-    fraction = marks.fraction
+def mark_arcs(view: MirrorView, marks: Bearings, count: int) -> int:
+    """Raise the painted fractions of the patches that arcs meet; `count` rays are marked already, return how many."""
+    eye, half, arcs, farthest_m = view.eye, view.paint.half_m, view.paint.arcs, view.farthest_m
+    rays, first, directions, spread = view.pixels.rays, view.pixels.first, view.pixels.directions, view.pixels.spread
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     x_of, y_of, radial_of, tangential_of = rays[X], rays[Y], rays[RADIAL], rays[TANGENTIAL]
     near_of, far_of = rays[NEAR], rays[FAR]
     turns = len(directions)
-    half_width, zero = np.float32(half), np.float32(0.0)
+    half_width = np.float32(half)
     for arc in range(len(arcs)):
         dx, dy = arcs[arc, 0] - eye.x_m, arcs[arc, 1] - eye.y_m
         x, y, radius = c * dx + s * dy, c * dy - s * dx, arcs[arc, 2]
@@ -209,11 +182,7 @@ def mark_arcs(
                 while i < end and near_of[i] <= limit:
                     off_x, off_y = x_of[i] - center_x, y_of[i] - center_y
                     covered = share_of_arc(off_x, off_y, shape, ray_cos, ray_sin, radial_of[i], tangential_of[i])
-                    if covered > fraction[i]:
-                        if fraction[i] == zero:
-                            marks.marked[count] = i
-                            count += 1
-                        fraction[i] = covered
+                    count = _mark(i, covered, marks, count)
                     i += ONE
                 done = np.int64(i)
     return count

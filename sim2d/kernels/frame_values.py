@@ -1,4 +1,4 @@
-"""Common values of the compiled loops of a match camera's frame: viewpoint, light, rays, spans."""
+"""Common values of the compiled loops of a match camera's frame: viewpoint, light, rays, bearings."""
 
 from __future__ import annotations
 
@@ -58,16 +58,6 @@ class UprightThings(NamedTuple):
     colors: Float32Array
 
 
-class Crossings(NamedTuple):
-    """What stands along each bearing, nearest first."""
-
-    #: (K,) int32: of the lists.
-    lengths: Int32Array
-    #: (K, E, 5) float32: distances where a thing begins and ends (m), its number, its first colour there and its shade,
-    #: or the slopes between which a ball is seen; see the columns' names in `bearing_profile`.
-    entries: Float32Array
-
-
 class Nets(NamedTuple):
     """Goal nets."""
 
@@ -92,17 +82,6 @@ class WallPicture(NamedTuple):
     radius_m: float
 
 
-class Spans(NamedTuple):
-    """What each bearing shows, from steeply down to above the horizon."""
-
-    #: (K, S) float32: slope (rise over run) at which each span ends; the last is infinite.
-    ends: Float32Array
-    #: (K, S) int32: what it shows: see the kinds' names in `bearing_profile`.
-    kinds: Int32Array
-    #: (K, S, 3) float32: light of PAINT spans, BGR; of a ball's the light of the pixel drawn last.
-    paint: Float32Array
-
-
 class PixelRays(NamedTuple):
     """One ray a pixel, by bearing, then by slope."""
 
@@ -120,10 +99,37 @@ class PixelRays(NamedTuple):
     spread: FloatArray
 
 
-class PaintMarks(NamedTuple):
-    """Which rays meet paint."""
+class MirrorView(NamedTuple):
+    """What a mirror camera's frame is drawn from."""
 
-    #: (P,) float32: painted fraction of each ray's patch of floor.
+    things: UprightThings
+    paint: FloorPaint
+    nets: Nets
+    wall: WallPicture
+    light: Lighting
+    pixels: PixelRays
+    #: Floor farther away is not seen.
+    farthest_m: float
+    eye: Viewpoint
+
+
+class Bearings(NamedTuple):
+    """What each of K bearings meets and shows, and which of P rays meet paint; made once, filled for each frame."""
+
+    #: (K,) int32: how many things stand along it.
+    lengths: Int32Array
+    #: (K, E, 5) float32: these, nearest first: distances where a thing begins and ends (m), its number, its first
+    #: colour there and its shade, or the slopes between which a ball is seen; see the columns' names in
+    #: `bearing_profile`.
+    entries: Float32Array
+    #: (K, S) float32: slope (rise over run) at which each span of the bearing ends, from steeply down to above the
+    #: horizon; the last is infinite.
+    ends: Float32Array
+    #: (K, S) int32: what the span shows: see the kinds' names in `bearing_profile`.
+    kinds: Int32Array
+    #: (K, S, 3) float32: light of PAINT spans, BGR; of a ball's the light of the pixel drawn last.
+    paint: Float32Array
+    #: (P,) float32: painted fraction of each ray's patch of floor; all 0 between frames.
     fraction: Float32Array
     #: (P,) int32: rays whose fraction is not 0; the loops pass on how many.
     marked: Int32Array

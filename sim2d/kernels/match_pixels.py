@@ -1,4 +1,4 @@
-"""Compiled: the pixels of a match camera's frame, each the mean of its bearing's spans; and the sensor's noise."""
+"""Compiled: a mirror camera's match frame, each pixel the mean of its bearing's spans; and the sensor's noise."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, Int8Array, Int32Array, UInt8Array
+from robocup_vision.arrays import Float32Array, Int8Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
-from sim2d.kernels.bearing_profile import FLOOR, OF_BALL, PAINT, span_of
-from sim2d.kernels.floor_lines import GAIN, ONE, SLOPE_HIGH, SLOPE_LOW, X, Y
+from sim2d.kernels.bearing_profile import FLOOR, OF_BALL, PAINT, meet_things, span_of, stack_spans
+from sim2d.kernels.floor_lines import GAIN, ONE, SLOPE_HIGH, SLOPE_LOW, X, Y, mark_arcs, mark_lines
 from sim2d.kernels.floor_paint import SHADE_REACH, light_beside_ball
-from sim2d.kernels.frame_values import Lighting, PaintMarks, PixelRays, Spans, UprightThings, Viewpoint
-from sim2d.kernels.things import X0, Y0, meet_ball, row_of, rows_from_eye
+from sim2d.kernels.frame_values import Bearings, Lighting, MirrorView, Viewpoint
+from sim2d.kernels.nets import lay_nets
+from sim2d.kernels.things import BALL, KIND, RADIUS, X0, Y0, meet_ball, row_of, rows_from_eye
 
 
 @compiled
@@ -56,26 +57,9 @@ def _light_ahead(light: Lighting, eye: Viewpoint) -> tuple[np.float32, np.float3
 
 
 @compiled
-def paint_marked(
-    pixels: PixelRays,
-    light: Lighting,
-    eye: Viewpoint,
-    colors: Float32Array,
-    marks: PaintMarks,
-    count: int,
-    out: UInt8Array,
-) -> None:
-    """Paint the rays that lines meet, and clear their fractions.
-
-    Parameters
-    ----------
-    pixels, light, eye, out
-        As in `draw_pixels`.
-    colors : (3, 3) float32
-        As in `FloorPaint`.
-    marks, count
-        As `floor_lines.mark_lines` leaves them; all fractions become 0.
-    """
+def paint_marked(view: MirrorView, marks: Bearings, count: int, out: UInt8Array) -> None:
+    """Paint the `count` rays that lines meet, and clear their fractions."""
+    pixels, light, eye, colors = view.pixels, view.light, view.eye, view.paint.colors
     here, along_x, along_y = _light_ahead(light, eye)
     least, most, half = np.float32(light.min_level), np.float32(255.0), np.float32(0.5)
     x_of, y_of, gain_of = pixels.rays[X], pixels.rays[Y], pixels.rays[GAIN]
@@ -93,18 +77,9 @@ def paint_marked(
 
 
 @compiled(error_model="numpy")
-def draw_pixels(
-    pixels: PixelRays, eye: Viewpoint, spans: Spans, things: UprightThings, light: Lighting, out: UInt8Array
-) -> None:
-    """Draw what stands on the floor over the painted carpet: along each bearing outwards.
-
-    Parameters
-    ----------
-    spans : Spans
-        As `bearing_profile.stack_spans` leaves them.
-    out : (H * W, 3) uint8
-        The frame, filled with the painted carpet.
-    """
+def draw_pixels(view: MirrorView, spans: Bearings, out: UInt8Array) -> None:
+    """Draw what stands on the floor over the painted carpet: along each bearing outwards."""
+    pixels, eye, things, light = view.pixels, view.eye, view.things, view.light
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     most, half = np.float32(255.0), np.float32(0.5)
     ends, kinds, paint, pixel_of, directions = spans.ends, spans.kinds, spans.paint, pixels.pixels, pixels.directions
@@ -143,14 +118,16 @@ def draw_pixels(
                     bright = max(here + along_x * float(ball[X0]) + along_y * float(ball[Y0]), light.min_level) * shade
                     for channel in range(3):
                         paint[bearing, of_ball, channel] = bright * things.colors[color, channel]
-                _mix_spans(low, high, gain_of[i], pixel_of[i], bearing, n, ends, kinds, paint, out)
+                _mix_spans(low, high, gain_of[i], pixel_of[i], bearing, n, spans, out)
                 i += ONE
             n += ONE
 
 
 @compiled(error_model="numpy")
-def shade_carpet(pixels: PixelRays, eye: Viewpoint, x_m: float, y_m: float, radius_m: float, out: UInt8Array) -> None:
-    """Darken the floor in a frame around a ball (field frame, metres)."""
+def shade_carpet(view: MirrorView, ball: int, out: UInt8Array) -> None:
+    """Darken the floor in a frame around a ball, one of the things."""
+    pixels, eye, row = view.pixels, view.eye, view.things.rows[ball]
+    x_m, y_m, radius_m = row[X0], row[Y0], row[RADIUS]
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     half, zero = np.float32(0.5), np.float32(0.0)
     x_of, y_of, low_of = pixels.rays[X], pixels.rays[Y], pixels.rays[SLOPE_LOW]
@@ -183,12 +160,11 @@ def _mix_spans(
     pixel: np.uint32,
     bearing: np.uintp,
     n: np.uintp,
-    ends: Float32Array,
-    kinds: Int32Array,
-    paint: Float32Array,
+    spans: Bearings,
     out: UInt8Array,
 ) -> None:
     """Draw a ray's pixel, which covers spans n and n + 1 of a bearing, by the slopes in each."""
+    ends, kinds, paint = spans.ends, spans.kinds, spans.paint
     most, half, one = np.float32(255.0), np.float32(0.5), np.float32(1.0)
     end, beyond = ends[bearing, n], min(n + ONE, np.uintp(ends.shape[1] - 1))
     part = one if high <= end else (end - low) / (high - low)
@@ -212,3 +188,25 @@ def add_noise(frame: UInt8Array, noise: Int8Array) -> None:
         # numba adds in 64 bits, of which a vector holds a quarter as many
         value = np.int16(np.int16(frame[i]) + np.int16(noise[i]))
         frame[i] = np.uint8(min(max(value, np.int16(0)), np.int16(255)))
+
+
+@compiled
+def draw_over_carpet(view: MirrorView, bearings: Bearings, out: UInt8Array) -> None:
+    """Draw lines, what stands on the floor and the room behind it over plain carpet.
+
+    It is one call, because a call from Python takes tuples of arrays apart, which takes longer than some of the loops.
+
+    Parameters
+    ----------
+    out : (H * W, 3) uint8
+        The frame, as `fill_carpet` fills it.
+    """
+    meet_things(view, bearings)
+    stack_spans(view, bearings)
+    count = mark_arcs(view, bearings, mark_lines(view, bearings))
+    paint_marked(view, bearings, count, out)
+    for k in range(len(view.things.rows)):
+        if view.things.rows[k, KIND] == BALL:
+            shade_carpet(view, k, out)
+    draw_pixels(view, bearings, out)
+    lay_nets(view, bearings, out)

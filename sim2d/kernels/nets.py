@@ -13,7 +13,7 @@ from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.bearing_profile import EDGE, FAR, HIGH, NEAR, THING
 from sim2d.kernels.floor_lines import GAIN, SLOPE_HIGH, SLOPE_LOW, TANGENTIAL, X, Y, bearings_of
-from sim2d.kernels.frame_values import Crossings, Lighting, Nets, PixelRays, UprightThings, Viewpoint
+from sim2d.kernels.frame_values import Bearings, MirrorView, PixelRays
 from sim2d.kernels.things import BALL, HEIGHT, KIND
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
@@ -102,10 +102,9 @@ def cover(start: Float32Array, sizes: Sizes, ray: Vector, by_u: Vector, by_v: Ve
 
 
 @compiled(error_model="numpy")
-def _hidden_until(
-    crossings: Crossings, things: UprightThings, bearing: int, distance_m: float, eye: Viewpoint
-) -> float:
+def _hidden_until(view: MirrorView, crossings: Bearings, bearing: int, distance_m: float) -> float:
     """Return the slope up to which things nearer than a distance hide what is behind them."""
+    things, eye = view.things, view.eye
     hidden = -math.inf
     for e in range(crossings.lengths[bearing]):
         entry = crossings.entries[bearing, e]
@@ -121,22 +120,9 @@ def _hidden_until(
 
 
 @compiled(error_model="numpy")
-def lay_nets(
-    nets: Nets,
-    pixels: PixelRays,
-    crossings: Crossings,
-    things: UprightThings,
-    eye: Viewpoint,
-    light: Lighting,
-    out: UInt8Array,
-) -> None:
-    """Lay nets over a mirror camera's frame.
-
-    Parameters
-    ----------
-    out : (H * W, 3) uint8
-        The frame.
-    """
+def lay_nets(view: MirrorView, crossings: Bearings, out: UInt8Array) -> None:
+    """Lay nets over a mirror camera's frame (H * W, 3)."""
+    nets, pixels, eye, light = view.nets, view.pixels, view.eye, view.light
     bearings = len(pixels.first) - 1
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     here = np.array([eye.x_m, eye.y_m, eye.height_m], dtype=np.float32)
@@ -161,7 +147,7 @@ def lay_nets(
             is_upright, hidden = axes[2, 2] == _ZERO, _ZERO
             if is_upright:
                 away = start[2] / along_axes(axes, x, y, _ZERO)[2]
-                hidden = np.float32(_hidden_until(crossings, things, k, float(away), eye))
+                hidden = np.float32(_hidden_until(view, crossings, k, float(away)))
             for i in range(pixels.first[k], pixels.first[k + 1]):
                 if high_of[i] < lowest or low_of[i] > highest:
                     continue
@@ -170,7 +156,7 @@ def lay_nets(
                 if covered <= _ZERO:
                     continue
                 if not is_upright:
-                    hidden = np.float32(_hidden_until(crossings, things, k, float(t), eye))
+                    hidden = np.float32(_hidden_until(view, crossings, k, float(t)))
                 covered *= min(max((high_of[i] - hidden) / ray[4], _ZERO), _ONE)
                 bright = light.level + light.per_m_x * (eye.x_m + t * ray[0])
                 bright += light.per_m_y * (eye.y_m + t * ray[1])

@@ -23,9 +23,8 @@ from robocup_vision.camera.pinhole import camera_rotation
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from sim2d.kernels.floor_lines import GAIN, X, Y
-from sim2d.kernels.frame_values import Crossings, PaintMarks, PixelRays, Spans, Viewpoint
-from sim2d.kernels.match_frame import draw_over_carpet
-from sim2d.kernels.match_pixels import fill_carpet
+from sim2d.kernels.frame_values import Bearings, MirrorView, PixelRays, Viewpoint
+from sim2d.kernels.match_pixels import draw_over_carpet, fill_carpet
 from sim2d.rendering.fast.match_frames import MatchFrames
 from sim2d.rendering.mirror import BODY_BGR
 from sim2d.rendering.rays import RIM_MARGIN, MirrorRays
@@ -59,14 +58,15 @@ class MirrorFrames(MatchFrames):
         self._farthest_m = 2 * scene.room_radius_m
         self._table = mirror_pixels(camera, self._gain, self._farthest_m)
         count, rays = len(self._table.rays.directions), len(self._table.rays.pixels)
-        crossings = Crossings(np.zeros(count, dtype=np.int32), np.zeros((count, ENTRIES, 5), dtype=np.float32))
-        spans = Spans(
+        self._bearings = Bearings(
+            np.zeros(count, dtype=np.int32),
+            np.zeros((count, ENTRIES, 5), dtype=np.float32),
             np.zeros((count, SPANS), dtype=np.float32),
             np.zeros((count, SPANS), dtype=np.int32),
             np.zeros((count, SPANS, 3), dtype=np.float32),
+            np.zeros(rays, dtype=np.float32),
+            np.zeros(rays, dtype=np.int32),
         )
-        marks = PaintMarks(np.zeros(rays, dtype=np.float32), np.zeros(rays, dtype=np.int32))
-        self._room = crossings, spans, marks
         self._planes = np.zeros((3, width * height), dtype=np.uint8)
         self._image_planes = [plane.reshape(height, width) for plane in self._planes]
 
@@ -101,18 +101,8 @@ class MirrorFrames(MatchFrames):
         table, eye, things = self._table, self._viewpoint(pose), self._things(robots, ball)
         fill_carpet(table.floor, self._light, eye, self._paint.colors[0], table.body, self._planes)
         frame = np.asarray(cv2.merge(self._image_planes), dtype=np.uint8)
-        draw_over_carpet(
-            things,
-            self._paint,
-            self._nets,
-            self._farthest_m,
-            self._wall,
-            self._light,
-            eye,
-            table.rays,
-            *self._room,
-            frame.reshape(-1, 3),
-        )
+        of_scene = things, self._paint, self._nets, self._wall, self._light
+        draw_over_carpet(MirrorView(*of_scene, table.rays, self._farthest_m, eye), self._bearings, frame.reshape(-1, 3))
         return frame
 
     def _viewpoint(self, pose: Pose2) -> Viewpoint:
