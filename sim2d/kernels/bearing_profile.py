@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.frame_values import Bearings, MirrorView
 from sim2d.kernels.room import cell_color, wall_point
@@ -166,12 +166,21 @@ def meet_things(view: MirrorView, bearings: Bearings) -> None:
             _add(k, distance, toward + chord, thing, color, 0.75 + 0.20 * facing, bearings)
 
 
+# what is inlined takes arrays: one taken from a tuple is counted and let go again at each call
 @compiled(inline="always")
 def _end_span(
-    k: int, n: int, end: float, kind: int, colors: Float32Array, color: np.uintp, light: float, bearings: Bearings
+    k: int,
+    n: int,
+    end: float,
+    kind: int,
+    colors: Float32Array,
+    color: np.uintp,
+    light: float,
+    ends: Float32Array,
+    kinds: Int32Array,
+    paint: Float32Array,
 ) -> int:
     """Append a span to bearing k's stack of n unless it is hidden or the stack is full; return the new n."""
-    ends, kinds, paint = bearings.ends, bearings.kinds, bearings.paint
     slope = np.float32(end)
     if (n > 0 and slope <= ends[k, n - 1]) or n == ends.shape[1] - 1:
         return n
@@ -182,9 +191,20 @@ def _end_span(
 
 
 @compiled(error_model="numpy", inline="always")
-def _end_thing(k: int, n: int, e: int, lit: float, view: MirrorView, bearings: Bearings) -> int:
+def _end_thing(
+    k: int,
+    n: int,
+    entries: Float32Array,
+    e: int,
+    lit: float,
+    height_m: float,
+    rows: FloatArray,
+    colors: Float32Array,
+    ends: Float32Array,
+    kinds: Int32Array,
+    paint: Float32Array,
+) -> int:
     """Append the spans of entry e of bearing k to its stack of n: a thing's bands, its top and a marker there."""
-    entries, rows, colors, height_m = bearings.entries, view.things.rows, view.things.colors, view.eye.height_m
     # a row of an array would be counted and let go again, which takes longer than what is read of it
     thing, color = np.uintp(int(entries[k, e, THING])), np.uintp(int(entries[k, e, FIRST_COLOR]))
     distance, far, shade = float(entries[k, e, NEAR]), float(entries[k, e, FAR]), entries[k, e, SHADE]
@@ -193,7 +213,7 @@ def _end_thing(k: int, n: int, e: int, lit: float, view: MirrorView, bearings: B
     bands = int(rows[thing, BANDS]) if kind == CYLINDER else 1
     for band in range(bands):
         top = (height * (band + 1) / bands - height_m) / distance
-        n = _end_span(k, n, top, PAINT, colors, color + np.uintp(band), lit * shade, bearings)
+        n = _end_span(k, n, top, PAINT, colors, color + np.uintp(band), lit * shade, ends, kinds, paint)
     if kind != SHEET and height < height_m:
         # of all its colours the last
         drop, top_color = height - height_m, np.uintp(int(rows[thing, COLOR] + rows[thing, BANDS]) - 1)
@@ -201,9 +221,9 @@ def _end_thing(k: int, n: int, e: int, lit: float, view: MirrorView, bearings: B
         marker2 = half * half - rows[thing, RADIUS] ** 2 * (1 - MARKER_RATIO * MARKER_RATIO)
         if kind == CYLINDER and rows[thing, OTHER] >= 0 and marker2 > 0:
             marker, marker_color = math.sqrt(marker2), np.uintp(int(rows[thing, OTHER]))
-            n = _end_span(k, n, drop / (middle - marker), PAINT, colors, top_color, lit, bearings)
-            n = _end_span(k, n, drop / (middle + marker), PAINT, colors, marker_color, lit, bearings)
-        n = _end_span(k, n, drop / far, PAINT, colors, top_color, lit, bearings)
+            n = _end_span(k, n, drop / (middle - marker), PAINT, colors, top_color, lit, ends, kinds, paint)
+            n = _end_span(k, n, drop / (middle + marker), PAINT, colors, marker_color, lit, ends, kinds, paint)
+        n = _end_span(k, n, drop / far, PAINT, colors, top_color, lit, ends, kinds, paint)
     return n
 
 
@@ -212,7 +232,7 @@ def stack_spans(view: MirrorView, bearings: Bearings) -> None:
     """Turn each bearing's list into spans of slope, in ascending order; of the room's wall it shows one colour."""
     count, entries = bearings.lengths, bearings.entries
     ends, kinds, paint = bearings.ends, bearings.kinds, bearings.paint
-    rows, floor_colors, directions = view.things.rows, view.paint.colors, view.pixels.directions
+    (rows, colors), floor_colors, directions = view.things, view.paint.colors, view.pixels.directions
     eye, light, wall, height_m = view.eye, view.light, view.wall, view.eye.height_m
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     around, last = wall.turn, len(directions) - 1
@@ -240,14 +260,14 @@ def stack_spans(view: MirrorView, bearings: Bearings) -> None:
             thing = EDGE if is_last else int(entries[k, e, THING])
             if thing != EDGE and rows[thing, KIND] == BALL:
                 low, high = entries[k, e, LOW], entries[k, e, HIGH]
-                n = _end_span(k, n, low, below, floor_colors, GROUND, lit_ground, bearings)
-                n = _end_span(k, n, high, OF_BALL + thing, floor_colors, GROUND, 0.0, bearings)
+                n = _end_span(k, n, low, below, floor_colors, GROUND, lit_ground, ends, kinds, paint)
+                n = _end_span(k, n, high, OF_BALL + thing, floor_colors, GROUND, 0.0, ends, kinds, paint)
                 continue
             x_m, y_m = eye.x_m + distance * cos, eye.y_m + distance * sin
             lit = max(light.level + light.per_m_x * x_m + light.per_m_y * y_m, light.min_level)
-            n = _end_span(k, n, -height_m / distance, below, floor_colors, GROUND, lit, bearings)
+            n = _end_span(k, n, -height_m / distance, below, floor_colors, GROUND, lit, ends, kinds, paint)
             if thing != EDGE:
-                n = _end_thing(k, n, e, lit, view, bearings)
+                n = _end_thing(k, n, entries, e, lit, height_m, rows, colors, ends, kinds, paint)
             else:
                 on_floor = not on_floor
             lit_ground = lit

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, FloatArray
+from robocup_vision.arrays import Float32Array, FloatArray, Int32Array
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.floor_paint import share_of_arc, share_of_line
 from sim2d.kernels.frame_values import Bearings, MirrorView
@@ -69,13 +69,13 @@ def bearings_of(x: FloatArray, y: FloatArray, axis_rad: float, turns: int) -> tu
 
 
 @compiled(inline="always")
-def _mark(i: np.uintp, covered: np.float32, marks: Bearings, count: int) -> int:
+def _mark(i: np.uintp, covered: np.float32, fraction: Float32Array, marked: Int32Array, count: int) -> int:
     """Raise a ray's painted fraction; return how many rays are marked."""
-    if covered > marks.fraction[i]:
-        if marks.fraction[i] == np.float32(0.0):
-            marks.marked[count] = i
+    if covered > fraction[i]:
+        if fraction[i] == np.float32(0.0):
+            marked[count] = i
             count += 1
-        marks.fraction[i] = covered
+        fraction[i] = covered
     return count
 
 
@@ -85,6 +85,7 @@ def mark_lines(view: MirrorView, marks: Bearings) -> int:
     eye, half, lines, farthest_m = view.eye, view.paint.half_m, view.paint.lines, view.farthest_m
     rays, first, directions, spread = view.pixels.rays, view.pixels.first, view.pixels.directions, view.pixels.spread
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
+    fraction, marked = marks.fraction, marks.marked
     x_of, y_of, radial_of, tangential_of = rays[X], rays[Y], rays[RADIAL], rays[TANGENTIAL]
     near_of, far_of, count = rays[NEAR], rays[FAR], 0
     turns = len(directions)
@@ -124,7 +125,7 @@ def mark_lines(view: MirrorView, marks: Bearings) -> int:
             while i < end and near_of[i] <= limit:
                 off_x, off_y = x_of[i] - middle_x, y_of[i] - middle_y
                 covered = share_of_line(off_x, off_y, shape, along_ray, across_ray, radial_of[i], tangential_of[i])
-                count = _mark(i, covered, marks, count)
+                count = _mark(i, covered, fraction, marked, count)
                 i += ONE
     return count
 
@@ -135,6 +136,7 @@ def mark_arcs(view: MirrorView, marks: Bearings, count: int) -> int:
     eye, half, arcs, farthest_m = view.eye, view.paint.half_m, view.paint.arcs, view.farthest_m
     rays, first, directions, spread = view.pixels.rays, view.pixels.first, view.pixels.directions, view.pixels.spread
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
+    fraction, marked = marks.fraction, marks.marked
     x_of, y_of, radial_of, tangential_of = rays[X], rays[Y], rays[RADIAL], rays[TANGENTIAL]
     near_of, far_of = rays[NEAR], rays[FAR]
     turns = len(directions)
@@ -182,7 +184,7 @@ def mark_arcs(view: MirrorView, marks: Bearings, count: int) -> int:
                 while i < end and near_of[i] <= limit:
                     off_x, off_y = x_of[i] - center_x, y_of[i] - center_y
                     covered = share_of_arc(off_x, off_y, shape, ray_cos, ray_sin, radial_of[i], tangential_of[i])
-                    count = _mark(i, covered, marks, count)
+                    count = _mark(i, covered, fraction, marked, count)
                     i += ONE
                 done = np.int64(i)
     return count

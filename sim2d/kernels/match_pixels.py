@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, Int8Array, UInt8Array
+from robocup_vision.arrays import Float32Array, Int8Array, Int32Array, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.bearing_profile import FLOOR, OF_BALL, PAINT, meet_things, span_of, stack_spans
 from sim2d.kernels.floor_lines import GAIN, ONE, SLOPE_HIGH, SLOPE_LOW, X, Y, mark_arcs, mark_lines
@@ -118,7 +118,7 @@ def draw_pixels(view: MirrorView, spans: Bearings, out: UInt8Array) -> None:
                     bright = max(here + along_x * float(ball[X0]) + along_y * float(ball[Y0]), light.min_level) * shade
                     for channel in range(3):
                         paint[bearing, of_ball, channel] = bright * things.colors[color, channel]
-                _mix_spans(low, high, gain_of[i], pixel_of[i], bearing, n, spans, out)
+                _mix_spans(low, high, gain_of[i], pixel_of[i], bearing, n, ends, kinds, paint, out)
                 i += ONE
             n += ONE
 
@@ -160,11 +160,12 @@ def _mix_spans(
     pixel: np.uint32,
     bearing: np.uintp,
     n: np.uintp,
-    spans: Bearings,
+    ends: Float32Array,
+    kinds: Int32Array,
+    paint: Float32Array,
     out: UInt8Array,
 ) -> None:
     """Draw a ray's pixel, which covers spans n and n + 1 of a bearing, by the slopes in each."""
-    ends, kinds, paint = spans.ends, spans.kinds, spans.paint
     most, half, one = np.float32(255.0), np.float32(0.5), np.float32(1.0)
     end, beyond = ends[bearing, n], min(n + ONE, np.uintp(ends.shape[1] - 1))
     part = one if high <= end else (end - low) / (high - low)

@@ -1,7 +1,4 @@
-"""Compiled: goal nets laid over what both match cameras have drawn: the cords' share of each pixel.
-
-As `rendering.nets` does it by rays, here by one ray a pixel and the change of the ray from pixel to pixel.
-"""
+"""Compiled: goal nets: where a ray crosses one, its cords' share of the ray's patch, and nets over a mirror's frame."""
 
 from __future__ import annotations
 
@@ -13,7 +10,7 @@ from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.bearing_profile import EDGE, FAR, HIGH, NEAR, THING
 from sim2d.kernels.floor_lines import GAIN, SLOPE_HIGH, SLOPE_LOW, TANGENTIAL, X, Y, bearings_of
-from sim2d.kernels.frame_values import Bearings, MirrorView, PixelRays
+from sim2d.kernels.frame_values import Bearings, MirrorView, PixelRays, UprightThings
 from sim2d.kernels.things import BALL, HEIGHT, KIND
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
@@ -102,9 +99,10 @@ def cover(start: Float32Array, sizes: Sizes, ray: Vector, by_u: Vector, by_v: Ve
 
 
 @compiled(error_model="numpy")
-def _hidden_until(view: MirrorView, crossings: Bearings, bearing: int, distance_m: float) -> float:
+def _hidden_until(
+    crossings: Bearings, things: UprightThings, bearing: int, distance_m: float, height_m: float
+) -> float:
     """Return the slope up to which things nearer than a distance hide what is behind them."""
-    things, eye = view.things, view.eye
     hidden = -math.inf
     for e in range(crossings.lengths[bearing]):
         entry = crossings.entries[bearing, e]
@@ -114,7 +112,7 @@ def _hidden_until(view: MirrorView, crossings: Bearings, bearing: int, distance_
         if thing != EDGE and things.rows[thing, KIND] == BALL:
             hidden = max(hidden, float(entry[HIGH]))
             continue
-        rise = (0.0 if thing == EDGE else things.rows[thing, HEIGHT]) - eye.height_m
+        rise = (0.0 if thing == EDGE else things.rows[thing, HEIGHT]) - height_m
         hidden = max(hidden, rise / entry[NEAR], rise / entry[FAR])
     return hidden
 
@@ -147,7 +145,7 @@ def lay_nets(view: MirrorView, crossings: Bearings, out: UInt8Array) -> None:
             is_upright, hidden = axes[2, 2] == _ZERO, _ZERO
             if is_upright:
                 away = start[2] / along_axes(axes, x, y, _ZERO)[2]
-                hidden = np.float32(_hidden_until(view, crossings, k, float(away)))
+                hidden = np.float32(_hidden_until(crossings, view.things, k, float(away), eye.height_m))
             for i in range(pixels.first[k], pixels.first[k + 1]):
                 if high_of[i] < lowest or low_of[i] > highest:
                     continue
@@ -156,7 +154,7 @@ def lay_nets(view: MirrorView, crossings: Bearings, out: UInt8Array) -> None:
                 if covered <= _ZERO:
                     continue
                 if not is_upright:
-                    hidden = np.float32(_hidden_until(view, crossings, k, float(t)))
+                    hidden = np.float32(_hidden_until(crossings, view.things, k, float(t), eye.height_m))
                 covered *= min(max((high_of[i] - hidden) / ray[4], _ZERO), _ONE)
                 bright = light.level + light.per_m_x * (eye.x_m + t * ray[0])
                 bright += light.per_m_y * (eye.y_m + t * ray[1])

@@ -36,23 +36,30 @@ class Backdrop:
 
     def colors(self, x_m: Float32Array, y_m: Float32Array, z_m: Float32Array) -> Float32Array:
         """Return the colours (N, 3) BGR of points on the room's wall, field frame, metres."""
-        if not len(x_m):
-            # OpenCV refuses empty maps
-            return np.empty((0, 3), dtype=np.float32)
         picture = _panorama(self)
         rows, columns = picture.shape[:2]
         u = np.remainder(np.arctan2(y_m, x_m) / math.tau, 1.0) * (columns - 1)
         v = np.clip((1 - z_m / HEIGHT_M) * (rows - 1), 0, rows - 1)
-        width = 1024  # OpenCV's maps may not be longer than 32767 along one side
-        padding = -len(u) % width
-        maps = [np.pad(c, (0, padding)).astype(np.float32).reshape(-1, width) for c in (u, v)]
-        found = cv2.remap(picture, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return np.asarray(found.reshape(-1, 3)[: len(u)])
+        return sample_at(picture, u, v, cv2.BORDER_REPLICATE)
 
     def unrolled(self) -> tuple[Float32Array, float]:
         """Return the wall unrolled (H, W, 3) BGR, azimuth to the right from +x, upper row first; its rows per metre."""
         picture = _panorama(self)
         return picture[:, :-1], len(picture) / HEIGHT_M
+
+
+def sample_at(
+    picture: Float32Array, u: Float32Array | FloatArray, v: Float32Array | FloatArray, border_mode: int
+) -> Float32Array:
+    """Return a picture (H, W, ...) at columns u (N,) and rows v (N,), interpolated linearly: (N, ...) float32."""
+    if not len(u):
+        # OpenCV refuses empty maps
+        return np.empty((0, *picture.shape[2:]), dtype=np.float32)
+    width = 1024  # OpenCV's maps may not be longer than 32767 along one side
+    padding = -len(u) % width
+    maps = [np.pad(c, (0, padding)).astype(np.float32).reshape(-1, width) for c in (u, v)]
+    found = cv2.remap(picture, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=border_mode)
+    return np.asarray(found.reshape(-1, *picture.shape[2:])[: len(u)])
 
 
 @lru_cache(maxsize=4)

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import cv2
 
@@ -38,13 +38,6 @@ def encode_picture(drawn: Sample, jpeg_quality: int | None = None) -> EncodedPic
     return EncodedPicture(name, cv2.imencode(suffix, drawn.frame, options)[1].tobytes(), truth)
 
 
-class SampleByIndex(Protocol):
-    """A function such as `sample` or `sample_goal` with all arguments bound except the last."""
-
-    def __call__(self, *, indices: Iterable[int]) -> Iterator[Sample]:
-        """Yield the pictures of these numbers."""
-
-
 @dataclass(frozen=True, slots=True)
 class DrawPictures:
     """Draws and encodes pictures by their number, in any process: the `start` of `robocup_vision.workers.run_pieces`.
@@ -52,12 +45,13 @@ class DrawPictures:
     Parameters
     ----------
     sample : callable
-        Yields the pictures of given numbers, which must depend on their numbers only.
+        Yields the pictures of numbers given as `indices`, such as `sample` or `sample_goal` with all other arguments
+        bound; a picture must depend on its number only.
     jpeg_quality : int, optional
         See `encode_picture`.
     """
 
-    sample: SampleByIndex
+    sample: Callable[..., Iterator[Sample]]
     jpeg_quality: int | None = None
 
     def __call__(self) -> Callable[[int], EncodedPicture]:
@@ -111,36 +105,25 @@ def write_dataset(
         If it cannot be written.
     """
     require_empty_folder(Path(folder))
-    with written_at_once(Path(folder), ()) as root:
-        return _write(root, str(field_name_or_path), camera, samples, symmetry, command)
-
-
-def _write(
-    root: Path,
-    field: str,
-    camera: Camera,
-    samples: Iterable[Sample | EncodedPicture],
-    symmetry: str,
-    command: str | None,
-) -> int:
-    (root / "images").mkdir()
-    if field.endswith(".toml"):
-        shutil.copyfile(field, root / "field.toml")
-        field = "field.toml"
+    field, count = str(field_name_or_path), 0
     lines = [] if command is None else [f"# made by: {' '.join(command.split())}"]
-    lines += ["format = 1", f'field = "{field}"', 'camera = "camera.toml"', 'images = "images"']
-    lines += ['truth = "truth.csv"', f'symmetry = "{symmetry}"']
-    write_lines(root / "dataset.toml", lines)
-    save_camera(camera, root / "camera.toml")
-    count = 0
-    with (root / "truth.csv").open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(TRUTH_COLUMNS)
-        for drawn in samples:
-            picture = drawn if isinstance(drawn, EncodedPicture) else encode_picture(drawn)
-            with telling_write_errors(root / "images" / picture.name):
-                (root / "images" / picture.name).write_bytes(picture.content)
-                rows.writerow(picture.truth)
-                file.flush()
-            count += 1
+    with written_at_once(Path(folder), ()) as root:
+        (root / "images").mkdir()
+        if field.endswith(".toml"):
+            shutil.copyfile(field, root / "field.toml")
+            field = "field.toml"
+        lines += ["format = 1", f'field = "{field}"', 'camera = "camera.toml"', 'images = "images"']
+        lines += ['truth = "truth.csv"', f'symmetry = "{symmetry}"']
+        write_lines(root / "dataset.toml", lines)
+        save_camera(camera, root / "camera.toml")
+        with (root / "truth.csv").open("w", newline="", encoding="utf-8") as file:
+            rows = csv.writer(file, lineterminator="\n")
+            rows.writerow(TRUTH_COLUMNS)
+            for drawn in samples:
+                picture = drawn if isinstance(drawn, EncodedPicture) else encode_picture(drawn)
+                with telling_write_errors(root / "images" / picture.name):
+                    (root / "images" / picture.name).write_bytes(picture.content)
+                    rows.writerow(picture.truth)
+                    file.flush()
+                count += 1
     return count

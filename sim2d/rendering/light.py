@@ -1,4 +1,4 @@
-"""Light along rays for all cameras: paint, shade, lamps and the room behind."""
+"""Light along rays for all cameras: paint, shade, lamps, the room behind, and nets before it."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from robocup_vision.arrays import Float32Array, Int32Array
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from sim2d.kernels.floor_paint import SHADE_REACH
-from sim2d.kernels.ray_casting import first_things, paint_floor
+from sim2d.kernels.ray_casting import MAX_FLOOR_M, cross_net, first_things, paint_floor
 from sim2d.kernels.things import rows_from_eye
-from sim2d.rendering.backdrop import ROOM_HEIGHT_M, ROOM_ROWS_PER_M, room_panorama
+from sim2d.rendering.backdrop import ROOM_HEIGHT_M, ROOM_ROWS_PER_M, room_panorama, sample_at
 from sim2d.rendering.rays import RaySet
 from sim2d.rendering.scene import GROUND_BGR, LAMP_DIRECTION_RAD, Light, Scene
-from sim2d.rendering.scene_table import ThingTable, floor_paint
+from sim2d.rendering.scene_table import ThingTable, floor_paint, nets_of
 
 # surface numbers of the carpet and of the ground around it
 FLOOR, GROUND = range(2)
@@ -98,7 +98,7 @@ def trace_light(rays: RaySet, scene: Scene, eye: Pose2) -> TracedLight:
     painted = np.flatnonzero(covered)
     light[floor[painted]] += covered[painted, None] * step
     x_m, y_m = traced.x_m[floor], traced.y_m[floor]
-    if scene.light.texture and len(floor):
+    if scene.light.texture:
         light[floor] *= _carpet_texture(scene.light, x_m, y_m, rays.patch_m[:, floor].max(axis=0))[:, None]
     if scene.ball is not None:
         away2 = (x_m - np.float32(scene.ball.x_m)) ** 2 + (y_m - np.float32(scene.ball.y_m)) ** 2
@@ -154,16 +154,10 @@ def _carpet_texture(light: Light, x: Float32Array, y: Float32Array, patch_m: Flo
 
 
 def _noise(tile: Float32Array, x: Float32Array, y: Float32Array, cell_m: float) -> Float32Array:
-    width = 1024  # OpenCV's maps may not be longer than 32767 along one side
-    padding = -len(x) % width
-    maps: list[Float32Array] = []
-    for v in (x, y):
-        cells = np.pad(v, (0, padding)) * np.float32(1 / cell_m)
-        # the remainder; exact because the size is a power of 2, and much faster than np.mod
-        cells -= np.floor(cells * np.float32(1 / tile.shape[0])) * np.float32(tile.shape[0])
-        maps.append(cells.reshape(-1, width))
-    found = cv2.remap(tile, maps[0], maps[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-    return np.asarray(found.ravel()[: len(x)])
+    cells = np.stack([x, y]) * np.float32(1 / cell_m)
+    # the remainder; exact because the size is a power of 2, and much faster than np.mod
+    cells -= np.floor(cells * np.float32(1 / tile.shape[0])) * np.float32(tile.shape[0])
+    return sample_at(tile, cells[0], cells[1], cv2.BORDER_WRAP)
 
 
 def illuminate(light: Float32Array, shade: Float32Array, scene: Scene, x: Float32Array, y: Float32Array) -> None:
@@ -187,3 +181,27 @@ def illuminate(light: Float32Array, shade: Float32Array, scene: Scene, x: Float3
         near = np.flatnonzero(squared < np.float32((4 * spot.sigma_m) ** 2))
         added = np.exp(squared[near] * np.float32(-0.5 / spot.sigma_m**2)) * np.float32(spot.amplitude)
         light[near] += added[:, None]
+
+
+def lay_nets(traced: TracedLight, scene: Scene) -> None:
+    """Cover the light of rays by the nets in front of what they meet, in place.
+
+    A net covers what is behind it by the fraction of a ray's patch that is cord. With cords of width d at a distance s,
+    that is 1 - (1 - d / s)^2 if a patch is wider than many meshes; nearer cords are drawn as lines. The order of two
+    nets on a ray does not matter, because their cords have one colour and nearly the same light.
+    """
+    rays, nets = traced.rays, nets_of(scene.field)
+    if not len(nets.rows):
+        return
+    eye_m = np.array([traced.eye.x_m, traced.eye.y_m, rays.height_m], dtype=np.float32)
+    floor_m = np.minimum(rays.floor_m, np.float32(MAX_FLOOR_M))
+    radial_m, tangential_m = rays.patch_m
+    steps = np.stack([tangential_m / floor_m, radial_m * np.float32(rays.height_m) / floor_m**2])
+    distance_m, covered = np.empty((2, len(floor_m)), dtype=np.float32)
+    for which in range(len(nets.rows)):
+        cross_net(nets, which, eye_m, traced.directions, steps, distance_m, covered)
+        met = np.flatnonzero((covered > 0) & (distance_m < traced.distance_m))
+        x, y = (eye_m[k] + distance_m[met] * traced.directions[k, met] for k in (0, 1))
+        light = np.tile(nets.color, (len(met), 1))
+        illuminate(light, np.ones(len(met), dtype=np.float32), scene, x, y)
+        traced.light[met] += covered[met, None] * (light - traced.light[met])

@@ -9,8 +9,7 @@ import numpy as np
 from robocup_vision.arrays import Float32Array
 from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
-from sim2d.rendering.light import trace_light
-from sim2d.rendering.nets import lay_nets
+from sim2d.rendering.light import lay_nets, trace_light
 from sim2d.rendering.rays import MirrorRays
 from sim2d.rendering.scene import Scene
 
@@ -57,21 +56,14 @@ class MirrorRenderer:
         (H, W, 3) float32
             Linear light, BGR; 255 is a sensor's white, higher values are possible.
         """
-        if not spin_rad:
-            return self._image(self._rays, self._trace(self._rays, scene, pose))
-        rays = self._coarse_rays
-        fractions = (np.arange(SPIN_POSES) + 0.5) / SPIN_POSES - 0.5
-        poses = [Pose2(pose.x_m, pose.y_m, pose.theta_rad + fraction * spin_rad) for fraction in fractions]
-        total = self._trace(rays, scene, poses[0])
-        for turned in poses[1:]:
-            total += self._trace(rays, scene, turned)
-        return self._image(rays, total / np.float32(SPIN_POSES))
-
-    def _image(self, rays: MirrorRays, traced: Float32Array) -> Float32Array:
+        rays, count = (self._coarse_rays, SPIN_POSES) if spin_rad else (self._rays, 1)
         height, width = rays.traced_part.shape
+        traced = np.zeros((len(rays.pixel_index), 3), dtype=np.float32)
+        for fraction in (np.arange(count) + 0.5) / count - 0.5:
+            traced += self._trace(rays, scene, Pose2(pose.x_m, pose.y_m, pose.theta_rad + fraction * spin_rad))
         image = rays.body_part[..., None] * np.array(BODY_BGR, dtype=np.float32)
         flat = image.reshape(height * width, 3)
-        flat[rays.pixel_index] += traced * rays.traced_part.reshape(-1, 1)[rays.pixel_index]
+        flat[rays.pixel_index] += traced / np.float32(count) * rays.traced_part.reshape(-1, 1)[rays.pixel_index]
         return np.asarray(image)
 
     def _trace(self, rays: MirrorRays, scene: Scene, pose: Pose2) -> Float32Array:

@@ -16,8 +16,7 @@ from robocup_vision.geometry import Pose2
 from sim2d.kernels.ray_casting import pinhole_patches
 from sim2d.rendering.backdrop import Backdrop
 from sim2d.rendering.goal.surroundings import Glare, SunPatch
-from sim2d.rendering.light import TracedLight, trace_light
-from sim2d.rendering.nets import lay_nets
+from sim2d.rendering.light import TracedLight, lay_nets, trace_light
 from sim2d.rendering.rays import RaySet, sample_offsets
 from sim2d.rendering.scene import Scene
 

@@ -166,11 +166,11 @@ def sample(
     supersample : int
         Rays for each pixel along each image axis.
     """
-    true, view = condition.true_camera(camera), BallView.of(camera)
+    true = condition.true_camera(camera)
     renderer = MirrorRenderer(true, supersample) if isinstance(true, OmniCamera) else None
     for index in range(count) if indices is None else indices:
         rng = np.random.default_rng([seed, index])
-        scene, pose = random_scene(field, condition, rng, view)
+        scene, pose = random_scene(field, camera, condition, rng)
         if isinstance(true, PinholeCamera):
             light = render_pinhole(true, scene, pose, supersample=supersample)
             light = smear(light, abs(condition.spin_rad) * true.focal_px[0])
@@ -180,31 +180,18 @@ def sample(
         yield Sample(condition.sensor.expose(light, rng), scene, pose, index)
 
 
-@dataclass(frozen=True, slots=True)
-class BallView:
-    """The part of the floor on which a camera sees a ball: bearings, least range; and whether patches are drawn."""
-
-    middle_rad: float = 0.0
-    half_rad: float = math.pi
-    nearest_m: float = 0.0
-    shows_patches: bool = False
-
-    @classmethod
-    def of(cls, camera: Camera) -> BallView:
-        """Return the part of the floor on which a camera sees a ball."""
-        if not isinstance(camera, PinholeCamera):
-            return cls()
-        (width, height), (u, _) = camera.size_px, camera.center_px
-        half = min(math.atan2(min(u, width - 1 - u), camera.focal_px[0]), math.pi / 3)
-        foot = camera.pixel_to_floor((u, height - 1.0))
-        nearest = float(np.hypot(*foot)) if np.isfinite(foot).all() else 0.0
-        return cls(camera.pan_rad or 0.0, 0.9 * half, nearest, shows_patches=True)
+def _ball_view(camera: Camera) -> tuple[float, float, float]:
+    """Return where on the floor a camera sees a ball: the middle bearing, half the width (rad), the least range (m)."""
+    if not isinstance(camera, PinholeCamera):
+        return 0.0, math.pi, 0.0
+    (width, height), (u, _) = camera.size_px, camera.center_px
+    half = min(math.atan2(min(u, width - 1 - u), camera.focal_px[0]), math.pi / 3)
+    foot = camera.pixel_to_floor((u, height - 1.0))
+    return camera.pan_rad or 0.0, 0.9 * half, float(np.hypot(*foot)) if np.isfinite(foot).all() else 0.0
 
 
-def random_scene(
-    field: Field, condition: Condition, rng: np.random.Generator, view: BallView = BallView()
-) -> tuple[Scene, Pose2]:
-    """Draw a random pose of the robot on the floor, and its surroundings."""
+def random_scene(field: Field, camera: Camera, condition: Condition, rng: np.random.Generator) -> tuple[Scene, Pose2]:
+    """Draw a random pose of the robot on the floor, and its surroundings; a ball is in the camera's view."""
     bare = Scene(field)
     x, y = _place(bare, field.robot_radius_m, rng)
     pose = Pose2(x, y, rng.uniform(-math.pi, math.pi))
@@ -213,7 +200,7 @@ def random_scene(
     if condition.ring:
         _add_ring(bare, pose, count, boxes, rng)
     _add_anywhere(bare, pose, count, boxes, rng)
-    ball = _ball(bare, pose, boxes, rng, view) if rng.random() < condition.ball_rate else None
+    ball = _ball(bare, pose, boxes, rng, camera) if rng.random() < condition.ball_rate else None
     margin = float(rng.uniform(0.0, 1.0))
     scene = Scene(
         field=field,
@@ -317,15 +304,16 @@ def _robots(
     return tuple(robots)
 
 
-def _ball(scene: Scene, pose: Pose2, boxes: list[Box], rng: np.random.Generator, view: BallView) -> Ball | None:
+def _ball(scene: Scene, pose: Pose2, boxes: list[Box], rng: np.random.Generator, camera: Camera) -> Ball | None:
     """Place a ball with free floor around it, in the camera's view; None if no place was found."""
     field = scene.field
     radius = field.ball_radius_m
+    middle_rad, half_rad, nearest_seen_m = _ball_view(camera)
     with_boxes = Scene(field, boxes=tuple(boxes))
     for _ in range(TRIES):
-        bearing = view.middle_rad + rng.uniform(-view.half_rad, view.half_rad)
-        nearest_m = max(field.robot_radius_m + 2 * radius + 0.05, view.nearest_m)
-        range_m = rng.uniform(nearest_m, max(BALL_RANGE_M, 4 * field.robot_radius_m, 2 * view.nearest_m))
+        bearing = middle_rad + rng.uniform(-half_rad, half_rad)
+        nearest_m = max(field.robot_radius_m + 2 * radius + 0.05, nearest_seen_m)
+        range_m = rng.uniform(nearest_m, max(BALL_RANGE_M, 4 * field.robot_radius_m, 2 * nearest_seen_m))
         x, y = pose.compose(Pose2(range_m * math.cos(bearing), range_m * math.sin(bearing), 0.0)).array[:2]
         if not field.contains([x, y]) or with_boxes.clearance_m(x, y) < radius + OPEN_M:
             continue
@@ -333,7 +321,8 @@ def _ball(scene: Scene, pose: Pose2, boxes: list[Box], rng: np.random.Generator,
         ahead = with_boxes.free_range_m(pose, bearing + np.linspace(-spread, spread, 5))
         if ahead.min() > range_m + radius:
             ball = Ball(float(x), float(y), radius, COLOR_NAMES[field.ball_color])
-            if not (field.ball_patches and view.shows_patches):
+            # a mirror's picture of a ball is smaller than its patches
+            if not field.ball_patches or isinstance(camera, OmniCamera):
                 return ball
             turn = tuple(rng.uniform(-math.pi, math.pi, 3).tolist())
             return dataclasses.replace(ball, patches_bgr=COLOR_NAMES[field.ball_patches], turn_rad=turn)

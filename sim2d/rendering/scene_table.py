@@ -1,4 +1,4 @@
-"""Scenes in the format of the compiled loops: rows of objects and of paint."""
+"""Scenes in the format of the compiled loops: rows of objects, of paint and of goal nets."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from field_models import COLOR_NAMES, Field
 from robocup_vision.arrays import Float32Array, FloatArray
-from sim2d.kernels.frame_values import FloorPaint, UprightThings
+from sim2d.kernels.frame_values import FloorPaint, Nets, UprightThings
 from sim2d.kernels.things import BALL, BAR, BOX, COLUMNS, CYLINDER, SHEET
 from sim2d.rendering.scene import GROUND_BGR, Ball, Bar, Bgr, Box, Post, Robot, Scene, Wall
 
@@ -103,3 +103,28 @@ def _arc_rows(field: Field) -> FloatArray:
         cosine = -2.0 if abs(sweep) > math.tau - 1e-9 else math.cos(sweep / 2)
         rows.append([x, y, radius, math.cos(middle), math.sin(middle), cosine])
     return np.array(rows, dtype=np.float64).reshape(-1, 6)
+
+
+def net_rows(field: Field) -> FloatArray:
+    """Return the rectangles of a field's nets, (P, 14) float64: see `Nets.rows`."""
+    rows = []
+    for goal in field.goals:
+        if goal.net is None:
+            continue
+        net, half = goal.net, goal.width_m / 2
+        for x0, y0, x1, y1 in goal.panels.tolist():
+            length = np.hypot(x1 - x0, y1 - y0)
+            along = (x1 - x0) / length, (y1 - y0) / length
+            rows.append([x0, y0, 0, *along, 0, 0, 0, 1, length, net.height_m])
+        rows.append([goal.line_x_m, -half, net.height_m, goal.side, 0, 0, 0, 1, 0, goal.depth_m, goal.width_m])
+        for row in rows[-4:]:
+            # a whole number of meshes
+            row += [size / max(round(size / net.mesh_m), 1) for size in row[9:11]] + [net.cord_m]
+    return np.array(rows, dtype=np.float64).reshape(-1, 14)
+
+
+def nets_of(field: Field, cast_bgr: FloatArray = WHITE) -> Nets:
+    """Return a field's nets in the format of the compiled loops, in a sensor's colours."""
+    colors = [COLOR_NAMES[goal.net.color] for goal in field.goals if goal.net is not None]
+    color = np.array(colors[0] if colors else (0.0, 0.0, 0.0)) * cast_bgr
+    return Nets(net_rows(field), color.astype(np.float32))

@@ -18,7 +18,7 @@ from robocup_vision.perception.networks import Shrunk
 from sim2d.rendering.backdrop import Backdrop, BackdropKind
 from sim2d.rendering.goal.scenes import nao_camera
 from sim2d.rendering.pinhole import render_pinhole, smear
-from sim2d.rendering.random_scenes import BallView, Condition, random_scene
+from sim2d.rendering.random_scenes import Condition, random_scene
 from sim2d.training.ball_scenes import Scene
 
 # side of a crop: so large that what the networks see lies in it, however it is shifted and scaled
@@ -98,7 +98,7 @@ def rendered_pictures(rng: np.random.Generator, count: int) -> list[Picture]:
             robots=int(rng.integers(0, 4)),
             robot_height_m=0.5 if field.ball_patches else 0.2,
         )
-        scene, pose = random_scene(field, condition, rng, BallView.of(camera))
+        scene, pose = random_scene(field, camera, condition, rng)
         backdrop = Backdrop(_BACKDROPS[int(rng.integers(len(_BACKDROPS)))], seed=int(rng.integers(2**31)))
         light = render_pinhole(camera, scene, pose, backdrop=backdrop, supersample=2)
         frame = condition.sensor.expose(smear(light, float(rng.uniform(0.0, 2.0))), rng)

@@ -14,9 +14,8 @@ from sim2d.kernels.frame_values import Lighting, UprightThings, WallPicture
 from sim2d.kernels.room import pack_cells
 from sim2d.kernels.things import COLUMNS
 from sim2d.rendering.backdrop import ROOM_ROWS_PER_M, Backdrop, room_panorama
-from sim2d.rendering.nets import nets_of
 from sim2d.rendering.scene import LAMP_DIRECTION_RAD, Ball, Light, Robot, Scene
-from sim2d.rendering.scene_table import ThingTable, floor_paint, in_cast
+from sim2d.rendering.scene_table import ThingTable, floor_paint, in_cast, nets_of
 from sim2d.rendering.sensor import Sensor, vignette_gain
 
 

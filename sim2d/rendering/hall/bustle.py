@@ -18,6 +18,8 @@ from sim2d.rendering.hall.textures import clothes
 _STEP_M, _SWING_RAD = 1.3, 0.4
 # least distance of people from the robot
 _ROOM_M = 0.9
+# relative amplitude and period of the daylight; time for which a lamp stays on or off, each with its own phase
+_CLOUDS, _CLOUD_S, _FLICKER_S = 0.3, 31.0, 17.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,12 +91,6 @@ class Bustle:
     people: tuple[Passer, ...]
     #: Light with all lamps on and the mean daylight.
     light: HallLight
-    #: Relative amplitude of the daylight.
-    clouds: float = 0.3
-    #: Period of the daylight.
-    cloud_s: float = 31.0
-    #: Time for which a lamp stays on or off; each lamp has its own phase.
-    flicker_s: float = 17.0
 
     def panels(self, t_s: float, robot: Pose2) -> list[Panel]:
         """Return all people at a time."""
@@ -102,10 +98,10 @@ class Bustle:
 
     def light_at(self, t_s: float) -> HallLight:
         """Return the light at a time."""
-        day = 1 + self.clouds * math.sin(math.tau * t_s / self.cloud_s)
+        day = 1 + _CLOUDS * math.sin(math.tau * t_s / _CLOUD_S)
         count = max(len(self.light.lamps), 1)
         lamps = tuple(
-            (x, y, z, strength if (t_s / self.flicker_s + 2 * k / count) % 2 < 1.2 else 0.1 * strength)
+            (x, y, z, strength if (t_s / _FLICKER_S + 2 * k / count) % 2 < 1.2 else 0.1 * strength)
             for k, (x, y, z, strength) in enumerate(self.light.lamps)
         )
         return replace(self.light, ambient=self.light.ambient * day, lamps=lamps)

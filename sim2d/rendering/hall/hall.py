@@ -30,6 +30,8 @@ _NEAREST_M = 0.02
 SIZE_M: Vector = (9.0, 7.0, 3.0)
 # length of one turn of `loop_path`
 _LOOP_M = 10.0
+# posters on the walls, shelves and cupboards in front of them, crates in the middle
+_POSTERS, _FURNITURE, _CRATES = 44, 18, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,20 +147,8 @@ class HallBuilder:
         return Hall(tuple(self.panels), tuple(self._textures))
 
 
-def make_hall(
-    seed: int,
-    *,
-    posters: int = 44,
-    furniture: int = 18,
-    crates: int = 4,
-) -> Hall:
-    """Build a hall; the same seed gives the same hall.
-
-    Parameters
-    ----------
-    posters, furniture, crates : int
-        Numbers of posters on the walls, of shelves and cupboards in front of them, and of crates in the middle.
-    """
+def make_hall(seed: int) -> Hall:
+    """Build a hall; the same seed gives the same hall."""
     rng = np.random.default_rng([seed, 0x4A11])
     length, depth, height = SIZE_M
     built = HallBuilder(SIZE_M)
@@ -171,7 +161,7 @@ def make_hall(
     pictures = hall_textures.bundled_pictures()
     order = rng.permutation(len(pictures))
     widths = np.array([wall[2] for wall in walls])
-    for number in range(posters):
+    for number in range(_POSTERS):
         corner, along, width = walls[int(rng.choice(4, p=widths / widths.sum()))]
         # every third is a picture, while there are any
         is_picture = number % 3 == 0 and number // 3 < len(pictures)
@@ -184,7 +174,7 @@ def make_hall(
         before = inward(along, 0.004 + 0.0005 * number)
         x, y, _ = (float(c + a * start + n) for c, a, n in zip(corner, along, before, strict=True))
         panels.append(Panel((x, y, low), along, (0.0, 0.0, 1.0), (wide, high), wear(drawn), is_poster=True))
-    for _ in range(furniture):
+    for _ in range(_FURNITURE):
         corner, along, width = walls[int(rng.choice(4, p=widths / widths.sum()))]
         wide, deep, high = float(rng.uniform(0.35, 1.0)), float(rng.uniform(0.25, 0.6)), float(rng.uniform(0.4, 1.7))
         middle = float(rng.uniform(wide / 2, width - wide / 2))
@@ -194,7 +184,7 @@ def make_hall(
         yaw = math.atan2(along[1], along[0]) + float(rng.normal(0, 0.05))
         skins = [wear(hall_textures.shelf(rng) if high > 0.9 else hall_textures.crate(rng)) for _ in range(2)]
         panels += box(Pose2(x, y, yaw), (wide, deep, high), skins)
-    for _ in range(crates):
+    for _ in range(_CRATES):
         x, y = rng.uniform(-0.14, 0.14) * length / 2, rng.uniform(-0.12, 0.12) * depth / 2
         size = tuple(float(v) for v in rng.uniform(0.18, 0.4, 3))
         skins = [wear(hall_textures.crate(rng)) for _ in range(2)]

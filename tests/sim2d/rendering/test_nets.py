@@ -14,9 +14,9 @@ from sim2d.match.setups import CAMERAS
 from sim2d.rendering.fast.forward import EyeInField, ForwardFrames
 from sim2d.rendering.fast.mirror import MirrorFrames
 from sim2d.rendering.mirror import MirrorRenderer
-from sim2d.rendering.nets import net_rows
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Ball, Light, Robot, Scene
+from sim2d.rendering.scene_table import net_rows
 from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_ROOM, MATCH_SENSOR
 
 NOISE = MATCH_SENSOR.noise_sigma

@@ -54,7 +54,7 @@ def test_nothing_overlaps(name: str, ring: bool):
     bare = Scene(field)
     balls = 0
     for index in range(12):
-        scene, pose = random_scene(field, condition, np.random.default_rng([5, index]))
+        scene, pose = random_scene(field, SMALL, condition, np.random.default_rng([5, index]))
         assert condition.obstacles[0] <= len(scene.boxes) <= condition.obstacles[1]
         assert bare.clearance_m(pose.x_m, pose.y_m) >= field.robot_radius_m
         assert field.contains([pose.x_m, pose.y_m])
@@ -80,7 +80,7 @@ def test_crowd_stands_around_the_robot():
     """Only this finds a crowd that stands elsewhere."""
     distances, full = [], 0
     for index in range(40):
-        scene, pose = random_scene(SSL, CONDITIONS["crowd"], np.random.default_rng([1, index]))
+        scene, pose = random_scene(SSL, SMALL, CONDITIONS["crowd"], np.random.default_rng([1, index]))
         near = [box.distance_m(pose.x_m, pose.y_m) for box in scene.boxes]
         inside = [d for d in near if RING_RANGE_M[0] - 1e-3 <= d <= RING_RANGE_M[1] + 1e-3]
         distances += inside
@@ -93,7 +93,7 @@ def test_crowd_stands_around_the_robot():
 
 def test_poses_cover_the_floor_and_all_headings():
     poses = np.array(
-        [random_scene(SSL, CONDITIONS["nominal"], np.random.default_rng([2, i]))[1].array for i in range(150)]
+        [random_scene(SSL, SMALL, CONDITIONS["nominal"], np.random.default_rng([2, i]))[1].array for i in range(150)]
     )
     counts, *_ = np.histogram2d(poses[:, 0], poses[:, 1], bins=(4, 3), range=((-1.37, 1.37), (-0.7625, 0.7625)))
     assert counts.min() >= 3
@@ -103,10 +103,11 @@ def test_poses_cover_the_floor_and_all_headings():
 
 def test_ball_ratio_and_obstacle_range():
     condition = Condition(obstacles=(2, 4), ball_rate=0.0)
-    counts = {len(random_scene(SSL, condition, np.random.default_rng([3, i]))[0].boxes) for i in range(30)}
-    assert counts == {2, 3, 4}
-    assert all(random_scene(SSL, condition, np.random.default_rng([3, i]))[0].ball is None for i in range(10))
-    shares = [random_scene(SSL, Condition(), np.random.default_rng([4, i]))[0].ball is not None for i in range(100)]
+    drawn = [random_scene(SSL, SMALL, condition, np.random.default_rng([3, i]))[0] for i in range(30)]
+    assert {len(scene.boxes) for scene in drawn} == {2, 3, 4}
+    assert all(scene.ball is None for scene in drawn)
+    drawn = [random_scene(SSL, SMALL, Condition(), np.random.default_rng([4, i]))[0] for i in range(100)]
+    shares = [scene.ball is not None for scene in drawn]
     assert 0.35 < np.mean(shares) < 0.65
 
 
@@ -131,7 +132,7 @@ def test_miscalibrated_picture_is_shifted():
 
 
 def test_bad_day_has_all_of_it():
-    scene, _ = random_scene(SSL, CONDITIONS["bad_day"], np.random.default_rng(0))
+    scene, _ = random_scene(SSL, SMALL, CONDITIONS["bad_day"], np.random.default_rng(0))
     assert scene.light.texture == 0.10
     assert scene.light.shadow is not None
     assert scene.light.shadow.factor_bgr[0] > scene.light.shadow.factor_bgr[2]
@@ -141,4 +142,4 @@ def test_bad_day_has_all_of_it():
 def test_field_without_room_for_the_robot():
     crowded = dataclasses.replace(SSL, robot_radius_m=0.9)
     with pytest.raises(ArgumentError, match=r"no room for a robot of radius 0\.9 m"):
-        random_scene(crowded, Condition(), np.random.default_rng(0))
+        random_scene(crowded, SMALL, Condition(), np.random.default_rng(0))

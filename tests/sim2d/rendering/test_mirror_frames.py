@@ -1,4 +1,4 @@
-"""Pictures that are leaned over, against the ray caster's of a tilted camera."""
+"""A mirror camera's quick frames against the ray caster's: lines on every field, and pictures that are leaned over."""
 
 import math
 from dataclasses import replace
@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from field_models import load_field
+from field_models import field_names, load_field
+from robocup_vision.camera import OmniCamera, Tangent
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.fast.mirror import LeaningMirror, MirrorFrames
@@ -16,6 +17,45 @@ from sim2d.rendering.sensor import Sensor
 
 SENSOR = Sensor(noise_sigma=0.0, blur_px=0.7, vignette=0.25)
 SOFT = replace(SENSOR, vignette=0.0)
+
+
+HIGH = OmniCamera(
+    size_px=(160, 120), center_px=(81.0, 58.5), usable_radius_px=(10.0, 58.0), floor_range=Tangent(0.9, 0.025),
+    mirrored=True, tilt_rad=(0.01, -0.02), viewpoint_height_m=0.7,
+)  # fmt: skip
+FEW = ("ssl_2001", "spl_2020", "msl_6x4")
+
+
+@pytest.mark.parametrize(
+    ("name", "camera"),
+    [
+        *((name, sekimori_camera()) for name in FEW),
+        ("msl_6x4", HIGH),
+        *(pytest.param(name, sekimori_camera(), marks=pytest.mark.slow) for name in field_names() if name not in FEW),
+        pytest.param("four_legged_2007", HIGH, marks=pytest.mark.slow),
+    ],
+)
+def test_lines_are_those_of_the_ray_caster(name, camera):
+    """The slow cases alone find a field whose paint the quick frames lose."""
+    field, rng = load_field(name), np.random.default_rng(4)
+    bare = replace(field, lines=np.empty((0, 4)), arcs=np.empty((0, 5)))
+    high = field.floor_polygon.max(axis=0)
+    x0, y0, x1, y1 = field.lines[0].tolist()
+    on_a_line = Pose2((x0 + x1) / 2, (y0 + y1) / 2, math.atan2(y1 - y0, x1 - x0))
+    caster = MirrorRenderer(camera, 1)
+    scenes = [Scene(one, carpet_margin_m=0.5) for one in (field, bare)]
+    frames = [MirrorFrames(scene, camera, Sensor()) for scene in scenes]
+    for pose in (Pose2(*rng.uniform(-high, high).tolist(), rng.uniform(-3, 3)), on_a_line, Pose2(0.0, 0.0, 0.0)):
+        quick, quick_bare = (drawn.draw((), None, pose).astype(int) for drawn in frames)
+        slow, slow_bare = (Sensor().expose(caster.render(scene, pose), rng).astype(int) for scene in scenes)
+        difference = np.abs((quick - quick_bare) - (slow - slow_bare)).max(axis=2)
+        painted = (slow != slow_bare).any(axis=2)
+        assert painted.sum() > 100
+        # rays are looked at in their bearing's direction, and averaged over edges along it
+        assert difference[painted].mean() < 1.0
+        assert (difference[painted] > 3).mean() < 0.025
+        # far away a patch is many lines long, and its share of a line's end differs
+        assert np.count_nonzero(difference[~painted] > 2) < 25
 
 
 @pytest.mark.parametrize(("pitch_deg", "roll_deg"), [(1.0, 0.5), (-0.4, 0.0), (0.0, -1.0)])
