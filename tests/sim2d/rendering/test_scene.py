@@ -18,13 +18,6 @@ DISTANCES = st.floats(-0.6, 0.6)
 ANGLES = st.floats(-3.1, 3.1)
 
 
-def test_free_range_to_plain_walls():
-    scene = Scene(SSL)
-    pose = Pose2(0.3, 0.1, math.pi / 2)
-    ranges = scene.free_range_m(pose, [0.0, math.pi, math.pi / 2, -math.pi / 2])
-    np.testing.assert_allclose(ranges, [0.7625 - 0.1, 0.7625 + 0.1, 1.55 + 0.3, 1.55 - 0.3], atol=1e-12)
-
-
 def test_free_range_to_box_and_robot():
     scene = Scene(load_field("msl_6x4"), boxes=(Box(1.0, 0.0),), robots=(Robot(0.0, 1.0, 0.25),))
     ranges = scene.free_range_m(Pose2(0.0, 0.0, 0.0), [0.0, math.pi / 2, math.pi])
