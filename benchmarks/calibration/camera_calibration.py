@@ -216,7 +216,3 @@ def main(arguments: Namespace) -> None:
     measure_accuracy(arguments.seed, arguments.quick)
     measure_convergence(arguments.seed, 1 if arguments.quick else 100 if arguments.full else 40)
     measure_photographs(arguments.quick)
-
-
-if __name__ == "__main__":
-    main()

@@ -319,7 +319,3 @@ def main(arguments: Namespace) -> None:
     measure_files(arguments.seed, files)
     measure_real()
     measure_pinhole(arguments.seed, goals)
-
-
-if __name__ == "__main__":
-    main()

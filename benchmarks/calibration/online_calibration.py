@@ -28,7 +28,7 @@ import numpy as np
 
 from benchmarks.harness import Table, percent, program, verdict
 from benchmarks.harness.timing import timed, unit_s
-from benchmarks.worlds.near_truth import BOUNDS, Bound
+from benchmarks.scores.match_score import BOUNDS, Bound
 from field_models import Field, load_field
 from robocup_vision import Memory, Vision
 from robocup_vision.arrays import FloatArray
@@ -279,7 +279,3 @@ def main(arguments: Namespace) -> None:
                 *(_poses(row) if end else ("-",) * 6),
                 verdict(ok),
             )
-
-
-if __name__ == "__main__":
-    main()

@@ -57,7 +57,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
         table.row(
             kind, f"{right}/{count}", f"{wrong}/{count}", count - len(found), worst, least_words(least), verdict(ok)
         )
-
-
-if __name__ == "__main__":
-    main()

@@ -129,7 +129,3 @@ def main(arguments: Namespace) -> None:
         )
     if not arguments.quick:
         measure_installed((MIRROR, FORWARD, STEERING, MEMORY))
-
-
-if __name__ == "__main__":
-    main()

@@ -157,7 +157,3 @@ def main(arguments: Namespace) -> None:
         measure(f"mirror {size[0]} x {size[1]}", workers, mirror, rounds, table)
     width, height = FL.camera.size_px
     measure(f"forward {width} x {height}", forward_workers(arguments.seed), forward, rounds, table)
-
-
-if __name__ == "__main__":
-    main()

@@ -184,7 +184,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     for job, row in driven.items():
         if row is not None and row[0].seconds is None:
             print(f"{job.kind} {job.index} at {job.speed_mps:g} m/s: {'touched' if row[0].collided else 'not reached'}")
-
-
-if __name__ == "__main__":
-    main()

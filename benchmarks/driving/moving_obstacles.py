@@ -40,24 +40,12 @@ PLAIN, TRACKED, TOLD = METHODS = ("without velocities", "tracks", "true places a
 
 @dataclass(frozen=True)
 class Place:
-    """Where it is driven.
+    """Where it is driven."""
 
-    Parameters
-    ----------
-    name : str
-        For the table.
-    field : Field
-        The pitch.
-    others : int
-        How many cross.
-    lanes_m : float
-        Half the length over which their ways lie.
-    """
-
-    name: str
-    field: Field
-    others: int
-    lanes_m: float
+    name: str  #: for the table
+    field: Field  #: the pitch
+    others: int  #: how many cross
+    lanes_m: float  #: half the length over which their ways lie
 
 
 WIDE, NARROW = PLACES = (
@@ -76,19 +64,7 @@ class Outcome:
 
 
 class Crossing:
-    """Drives to and fro across the field.
-
-    Parameters
-    ----------
-    width_m : float
-        Of the field.
-    x_m : float
-        Where along it.
-    speed_mps : float
-        How fast.
-    side : float
-        1 or -1: towards +y or -y first.
-    """
+    """Drives to and fro across the field at a place `x_m` along it, towards +y (`side` 1) or -y (-1) first."""
 
     def __init__(self, width_m: float, x_m: float, speed_mps: float, side: float) -> None:
         self._x_m, self._speed_mps, self._side = x_m, speed_mps, side
@@ -203,7 +179,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
                 place.name, method, len(own), at_fault, sum(o.contacts for o in own),
                 float(np.mean([o.legs for o in own])), None if ok is None else verdict(ok),
             )  # fmt: skip
-
-
-if __name__ == "__main__":
-    main()

@@ -152,7 +152,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
         reached = [i for i in courses if all(ways[i, m.name].drive.seconds is not None for m in METHODS)]
         index = (reached or courses)[0]
         draw(course_of(arguments.seed, index), {m.name: ways[index, m.name] for m in METHODS}, arguments.picture)
-
-
-if __name__ == "__main__":
-    main()

@@ -73,16 +73,6 @@ def look_at(piece: Piece) -> dict[str, list[Listed]]:
     return listed
 
 
-@program(pooled=True)
-def main(arguments: Namespace, pool: Pool) -> None:
-    """Measure and print."""
-    count = 1 if arguments.quick else 100 if arguments.full else 20
-    kinds = [(camera, name) for camera in CAMERAS for name in field_names()]
-    # the same seed draws as many robots on every field
-    pieces = [Piece(*kind, arguments.seed + n, count) for n, kind in enumerate(kinds)]
-    report(pieces, pool)
-
-
 def report(pieces: list[Piece], pool: Pool) -> None:
     """Print a table for each way to look."""
     results = list(pool.map(look_at, pieces))
@@ -131,5 +121,11 @@ def _row(table: Table, name: str, listed: Sequence[Listed], least: float | None)
     )
 
 
-if __name__ == "__main__":
-    main()
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
+    """Measure and print."""
+    count = 1 if arguments.quick else 100 if arguments.full else 20
+    kinds = [(camera, name) for camera in CAMERAS for name in field_names()]
+    # the same seed draws as many robots on every field
+    pieces = [Piece(*kind, arguments.seed + n, count) for n, kind in enumerate(kinds)]
+    report(pieces, pool)

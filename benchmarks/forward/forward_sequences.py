@@ -26,7 +26,7 @@ import cv2
 import numpy as np
 
 from benchmarks.harness import Table, percent, program, verdict
-from benchmarks.harness.timing import timed, unit_s
+from benchmarks.harness.timing import timed, timed_look, unit_s
 from benchmarks.worlds.walks import STEP_S, WALKS, Walk, WalkFrame, walk
 from field_models import Field, load_field
 from robocup_vision import Vision
@@ -37,7 +37,6 @@ from robocup_vision.evaluation.scoring import pose_error
 from robocup_vision.geometry import Pose2, compose_covariance
 from robocup_vision.localization.model_edges.finder import EdgeFinder
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
-from robocup_vision.view import View
 
 Look = FollowedCamera | NotLocated
 
@@ -220,14 +219,7 @@ def whole_look(
         robot = one.camera_pose.compose(Pose2(*offset_m, one.pan_rad).inverse())
         near = Pose2(*(robot.array + FOLLOWED_STD * rng.standard_normal(3)).tolist())
         prior = PoseEstimate(near, covariance, 1.0, 0.0)
-
-        def look(seen: UInt8Array = frame, prior: PoseEstimate = prior, pan: float = one.pan_rad) -> View:
-            view = vision.look(seen, prior=prior, pan_rad=pan)
-            # worked out when asked for
-            _ = view.free_space, view.obstacles, view.ball
-            return view
-
-        view, took = timed(look)
+        view, took = timed_look(vision, frame, prior=prior, pan_rad=one.pan_rad)
         if index == 0:
             continue  # learns the colours
         located += bool(view.pose)
@@ -332,7 +324,3 @@ def main(arguments: Namespace) -> None:
     table = Table(found_columns, "Found without a prior", name="cold")
     for name in ("FL", "SPL"):
         cold(WALKS[name], load_field(WALKS[name].field_name), walks[name][::step], table, name)
-
-
-if __name__ == "__main__":
-    main()

@@ -231,7 +231,3 @@ def main(arguments: Namespace) -> None:
                     f"precision {MIN_PRECISION:.0%}, NEES 0.5 to 3",
                     verdict(is_met),
                 )
-
-
-if __name__ == "__main__":
-    main()

@@ -151,7 +151,3 @@ def main(arguments: Namespace) -> None:
         error = f"{np.median(errors):.3f}" if errors else "-"
         due = f">= {MIN_FOUND:.0%}, <= {MAX_FALSE:.0%}"
         table.row(label, f"{hits}/{with_ball}", str(false), error, due, verdict(is_met))
-
-
-if __name__ == "__main__":
-    main()

@@ -14,15 +14,15 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
 from benchmarks.harness.timing import timed, unit_s
-from benchmarks.scores.match_score import play
-from benchmarks.worlds.near_truth import Bound
+from benchmarks.scores.match_score import Bound, play
 from field_models import load_field
 from robocup_vision import Rig, Vision
 from robocup_vision.arrays import UInt8Array
@@ -144,23 +144,17 @@ def follow(rig: Rig, kinds: dict[str, Followed], seed: int, count: int, unit: li
             shown: object = frames if name == "rig of four" else late if name == "late" else frames[0]
             if name == "a frame missing":
                 shown = tuple(frame if is_given else None for frame, is_given in zip(frames, given, strict=True))
-
-            moved = odometry if index else None
-
-            def look(
-                vision: Vision = vision, shown: object = shown, index: int = index, moved: Pose2 | None = moved
-            ) -> View:
-                view = vision.look(
-                    shown,  # type: ignore[arg-type]
-                    t_s=index * CONTROL_PERIOD_S,
-                    odometry=moved,
-                    prior=None if index else prior,
-                )
-                _ = view.obstacles
-                return view
-
-            view, took_s = timed(look)
+            moved, near = (odometry, None) if index else (None, prior)
+            look = partial(vision.look, t_s=index * CONTROL_PERIOD_S, odometry=moved, prior=near)
+            view, took_s = timed(partial(with_obstacles, look, shown))
             kinds[name].take(view, pose, took_s if index >= 5 else None)
+
+
+def with_obstacles(look: Callable[[object], View], shown: object) -> View:
+    """Look, and work out the obstacles."""
+    view = look(shown)
+    _ = view.obstacles
+    return view
 
 
 def find(rig: Rig, seed: int, count: int) -> dict[str, list[float]]:
@@ -229,7 +223,3 @@ def main(arguments: Namespace) -> None:
     table = Table(match_columns, name="match")
     target = f">= {MIN_WITHIN:.0%}, <= 2 (two cores)"
     table.row(f"{seconds:g} s", f"{within:.1%}", cost, str(stopped), target, verdict(is_well))
-
-
-if __name__ == "__main__":
-    main()

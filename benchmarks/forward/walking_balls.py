@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.harness import Table, program, verdict
-from benchmarks.harness.timing import timed, unit_s
+from benchmarks.harness.timing import timed_look, unit_s
 from benchmarks.worlds.walks import FL, WalkFrame, walk
 from field_models import load_field
 from robocup_vision import Vision
@@ -25,7 +25,6 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.view import View
 
 FIELD = load_field(FL.field_name)
 START_STD = np.array([0.10, 0.10, math.radians(5.0)])
@@ -68,14 +67,7 @@ def follow(seed: int, into: Followed) -> None:
     for index, one in enumerate(frames):
         prior = None if index else PoseEstimate(start, covariance, 1.0, 0.0)
         odometry = one.odometry if index else None
-
-        def look(one: WalkFrame = one, odometry: Pose2 | None = odometry, prior: PoseEstimate | None = prior) -> View:
-            view = vision.look(one.frame, t_s=one.t_s, odometry=odometry, prior=prior, pan_rad=one.pan_rad)
-            # worked out when asked for
-            _ = view.free_space, view.obstacles, view.ball
-            return view
-
-        view, took_s = timed(look)
+        view, took_s = timed_look(vision, one.frame, t_s=one.t_s, odometry=odometry, prior=prior, pan_rad=one.pan_rad)
         if index:
             # the first learns the colours
             into.time_s[bool(view.balls)].append(took_s)
@@ -131,7 +123,3 @@ def main(arguments: Namespace) -> None:
     for is_found, name in ((False, "no ball found"), (True, "a ball found")):
         times = np.array(followed.time_s[is_found]) / np.median(followed.unit_s)
         table.row(name, len(times), float(np.median(times)), float(np.quantile(times, 0.99)))
-
-
-if __name__ == "__main__":
-    main()

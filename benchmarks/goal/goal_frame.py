@@ -89,7 +89,3 @@ def main(arguments: Namespace) -> None:
             refining = partial(refine, frames[0], condition.camera, c.model, c.fit.unknowns, appearance)
             once = warm_median_s(refining, 5 * repeats)
             table.row("one refinement", 1e3 * once, once / unit, None, None)
-
-
-if __name__ == "__main__":
-    main()

@@ -88,7 +88,3 @@ def main(arguments: Namespace) -> None:
                     errors.append(math.hypot(p[0] - x, p[1] - y))
                     angles.append(abs(math.degrees(p[2] - heading)))
         table.row(name, *(float(np.percentile(errors, q)) for q in (50, 90, 100)), float(np.median(angles)))
-
-
-if __name__ == "__main__":
-    main()

@@ -270,7 +270,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     table.row("all conditions", negatives * len(names), len(found), verdict(not found))
     for text in found:
         table.note(f"  {text}")
-
-
-if __name__ == "__main__":
-    main()

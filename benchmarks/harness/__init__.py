@@ -2,7 +2,6 @@
 
 from benchmarks.harness.figures import Kind
 from benchmarks.harness.pool import Pool
-from benchmarks.harness.program import program
-from benchmarks.harness.report import DEFAULT_SEED, Table, judge, percent, verdict
+from benchmarks.harness.report import DEFAULT_SEED, Table, judge, percent, program, verdict
 
 __all__ = ["DEFAULT_SEED", "Kind", "Pool", "Table", "judge", "percent", "program", "verdict"]

@@ -1,8 +1,8 @@
 """What all programs have in common: arguments, first lines, tables, verdicts and the file of figures.
 
-A program makes a `Table` for each group of rows; its `program` decorator calls `parse_arguments` before and `finish`
-after. Tables print as they fill. `finish` writes them to a JSON file: to that of ``--json FILE``, or, for a run of
-default size and seed, to ``benchmarks/figures/FOLDER/NAME.json``, from which `benchmarks/README.md` is made.
+A program is a `main` decorated by `program`, and makes a `Table` for each group of rows. Tables print as they fill. At
+the end they go to a JSON file: to that of ``--json FILE``, or, for a run of default size and seed, to
+``benchmarks/figures/FOLDER/NAME.json``, from which the pages are made.
 """
 
 from __future__ import annotations
@@ -11,10 +11,13 @@ import argparse
 import datetime
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
 from typing import Any
+
+import cv2
 
 from benchmarks.harness.columns import read_columns
 from benchmarks.harness.figures import (
@@ -29,7 +32,7 @@ from benchmarks.harness.figures import (
     write_figures,
 )
 from benchmarks.harness.machine import describe, machine, versions
-from benchmarks.harness.pool import add_pool_options
+from benchmarks.harness.pool import add_pool_options, open_pool
 
 DEFAULT_SEED = 20010305
 
@@ -104,6 +107,39 @@ def parse_arguments(
     print(figures.title)
     print(f"{describe(figures.machine, figures.versions)}; seed {figures.seed}")
     return arguments
+
+
+def program(
+    options: Mapping[str, Any] | None = None, *, pooled: bool = False
+) -> Callable[[Callable[..., None]], Callable[[], None]]:
+    """Make a program of a function that takes its arguments, and a pool if it is `pooled`.
+
+    It runs at once where its module is run as a program, so it stands last in its file. OpenCV is kept to one thread:
+    times are those of one, and the workers of a pool share the processors among them.
+
+    Parameters
+    ----------
+    options, pooled
+        As in `parse_arguments`.
+    """
+
+    def decorate(measure: Callable[..., None]) -> Callable[[], None]:
+        @wraps(measure)
+        def main() -> None:
+            arguments = parse_arguments(str(measure.__globals__["__doc__"]), options=options, pooled=pooled)
+            cv2.setNumThreads(0)
+            if pooled:
+                with open_pool(arguments) as pool:
+                    measure(arguments, pool)
+            else:
+                measure(arguments)
+            finish()
+
+        if measure.__module__ == "__main__":
+            main()
+        return main
+
+    return decorate
 
 
 def program_name(path: Path) -> str:

@@ -25,10 +25,10 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Kind, Pool, Table, judge, program, verdict
-from benchmarks.peers.orb import OrbExtractor
-from benchmarks.worlds.hall_runs import building, drift, make_runs
+from benchmarks.worlds.hall_runs import Acceptance, OrbExtractor, building, drift, make_runs, off_by, print_acceptance
 from robocup_vision.camera import PinholeCamera
-from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.evaluation.scoring import pose_error
+from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.features import Features, SiftExtractor
 from robocup_vision.landmarks.landmark_map import LandmarkMap, expect
 from robocup_vision.landmarks.locate import LandmarkMatch, LandmarkPoseEstimator
@@ -63,24 +63,6 @@ class Score:
         return np.asarray(np.median(self.errors, axis=0)) if len(self.errors) else np.full(3, math.inf)
 
 
-class Verdicts:
-    """The acceptance rows, gathered on the way and printed last."""
-
-    def __init__(self) -> None:
-        self._rows: list[tuple[str, str, str, bool, Kind]] = []
-
-    def add(self, name: str, measured: str, target: str, ok: bool, kind: Kind = Kind.VERDICT) -> None:
-        """Keep a row; its figure is compared with earlier ones if it is a number of a `kind`, else its verdict."""
-        self._rows.append((name, measured, target, ok, kind))
-
-    def print(self, samples: int) -> None:
-        """Print all rows."""
-        columns = "acceptance                               | measured: by row | target | verdict: by row"
-        table = Table(columns, name="acceptance", samples=samples)
-        for name, measured, target, ok, kind in self._rows:
-            table.row(name, measured, target, verdict(ok), kind=kind)
-
-
 def score(
     estimator: LandmarkPoseEstimator, runs: Sequence[Features], truth: Sequence[Pose2], rng: np.random.Generator
 ) -> Score:
@@ -95,10 +77,8 @@ def score(
         matched.append(int(sight.inliers.sum()))
         if sight.pose:
             prior = sight.pose.pose
-            off = prior.array - pose.array
-            off[2] = wrap_angle(off[2])
-            nees.append(float(off @ np.linalg.solve(sight.pose.covariance, off)))
-            errors.append(np.abs(off) * (1e3, 1e3, 180 / math.pi))
+            nees.append(pose_error(sight.pose, pose, symmetric=False).nees or 0.0)
+            errors.append(off_by(prior, pose))
     return Score(
         len(truth), np.array(errors).reshape(-1, 3), float(np.mean(nees)) if nees else math.nan,
         1e3 * float(np.median(matching)), float(np.mean(looked)), float(np.mean(matched)),
@@ -133,8 +113,7 @@ def perspective(
         c, s = math.cos(theta), math.sin(theta)
         dx, dy = camera.offset_m
         x, y = eye[0] - c * dx + s * dy, eye[1] - s * dx - c * dy
-        off = (x - pose.x_m, y - pose.y_m, wrap_angle(theta - pose.theta_rad))
-        errors.append(np.abs(off) * np.array((1e3, 1e3, 180 / math.pi)))
+        errors.append(off_by(Pose2(x, y, theta), pose))
     return np.array(errors).reshape(-1, 3)
 
 
@@ -147,7 +126,7 @@ def row(table: Table, name: str, s: Score) -> None:
 
 
 def cost(
-    verdicts: Verdicts,
+    acceptance: list[Acceptance],
     landmarks: LandmarkMap,
     runs: Sequence[Features],
     truth: Sequence[Pose2],
@@ -178,108 +157,7 @@ def cost(
         sums.append(float(np.median(total)))
         table.row(f"{size}", in_view, *(float(v) for v in parts), sums[-1], float(np.percentile(total, 90)))
     ok = max(sums) <= 2.0 and max(sums) <= 2.0 * min(sums)
-    verdicts.add("a frame without SIFT, ms", f"{max(sums):.2f}", "<= 2, and twice the least", ok, Kind.TEXT)
-
-
-@program(pooled=True)
-def main(arguments: Namespace, pool: Pool) -> None:
-    """Measure and print."""
-    seed = arguments.seed
-    count, located, turns = (24, 12, 24 / 143) if arguments.quick else (143, 100, 1.0)
-    rng = np.random.default_rng([seed, 1])
-    runs = make_runs(seed, count, located, turns, rng, pool)
-    first_run, second, third, landmarks, poses = runs.first, runs.second, runs.third, runs.map.landmarks, runs.map.poses
-    lost = runs.map.used.count(False)
-    views = len(landmarks.view_landmark)
-    size = f"{len(first_run)} moments, {lost} left out; {len(landmarks)} landmarks, {views} views"
-    own_run = Table(
-        "the map's own run           | x mm: error | y mm: error | deg: error",
-        size,
-        name="own run",
-        samples=len(first_run),
-    )
-    if lost:
-        own_run.note("the map lost its way: nothing else can be measured SHORT")
-        judge(False)
-        return
-    for name, found in (("with", poses), ("without", runs.drifted.poses)):
-        if len(found) == len(first_run):
-            own_run.row(f"{name} drift correction", *(float(v) for v in drift(found, first_run)))
-
-    extract = SiftExtractor(HALL_CAMERA).extract
-    frames_left = [f.images[1] for f in first_run[:located]]
-    left = [extract(image) for image in frames_left]
-    seen_second, seen_third = ([extract(f.images[0]) for f in run] for run in (second, third))
-    verdicts = Verdicts()
-
-    def estimator(
-        selection: Selection, matching: str = "loop", camera: PinholeCamera = HALL_RIG.left
-    ) -> LandmarkPoseEstimator:
-        return LandmarkPoseEstimator(landmarks, camera, selection=selection, matching=matching)  # type: ignore[arg-type]
-
-    own_truth = poses[:located]
-    cells, ours = Selection("cells"), Selection()
-    table = Table(COLUMNS, "Choices of landmarks, the map's own run", name="choices", samples=located)
-    everything = score(estimator(Selection("all")), left, own_truth, rng)
-    chosen = score(estimator(ours), left, own_truth, rng)
-    for name, s in (("all", everything), ("informative of cells, 60", chosen)):
-        row(table, name, s)
-    for name, how in (
-        ("cells 0.2, 0.2, 0.5", cells), ("  without contrast", replace(cells, by_contrast=False)),
-        ("frequency, 60, no cells", Selection("frequency")), ("response, 60, no cells", Selection("response")),
-        ("random, 60, no cells", Selection("random")),
-    ):  # fmt: skip
-        row(table, name, score(estimator(how), left, own_truth, rng))
-    for name, how in (("all", Selection("all")), ("response, 60", Selection("response")), ("informative, 60", ours)):
-        errors = perspective(estimator(how), left, own_truth)
-        table.row(
-            f"solvePnPRansac, {name}", f"{len(errors)}/{located}", *(float(v) for v in errors.mean(axis=0)),
-            ", ".join(f"{v:.2g}" for v in np.median(errors, axis=0)), *(None,) * 4,
-        )  # fmt: skip
-
-    limit = np.array([2.0, 2.0, 0.03])
-    for name, s in (("all", everything), ("selected", chosen)):
-        ok = len(s.errors) == s.frames and bool((s.mean <= limit).all())
-        target = "2 mm, 2 mm, 0.03 deg, every frame"
-        verdicts.add(f"own run, {name}: mean errors", _text(s.mean), target, ok)
-    table = Table(COLUMNS, "Second run, real truth", name="second run", samples=located)
-    truth = [f.pose for f in second]
-    results: dict[str, Score] = {}
-    for label, seen in (("dimmed", seen_second), ("dimmed, posters changed", seen_third)):
-        for name, how in (("all", Selection("all")), ("selected", ours)):
-            results[label + name] = score(estimator(how, camera=HALL_CAMERA), seen, truth, rng)
-            row(table, f"{label}, {name}", results[label + name])
-    without = LandmarkPoseEstimator(runs.drifted.landmarks, HALL_CAMERA, selection=ours)
-    row(table, "dimmed, map that drifts", score(without, seen_second, truth, rng))
-    limit = np.array([5.0, 5.0, 0.05])
-    s, moved = results["dimmedselected"], results["dimmed, posters changedselected"]
-    ok = len(s.errors) == s.frames and bool((s.median <= limit).all())
-    verdicts.add("second run, selected: median errors", _text(s.median), "5 mm, 5 mm, 0.05 deg, every frame", ok)
-    position = [float(np.median(np.hypot(run.errors[:, 0], run.errors[:, 1]))) for run in (moved, s)]
-    ratios = (position[0] / position[1], float(moved.median[2] / s.median[2]))
-    ok = len(moved.errors) == moved.frames and max(ratios) <= 2
-    measured = f"{len(moved.errors)}/{moved.frames}; {ratios[0]:.2f}, {ratios[1]:.2f}"
-    verdicts.add("posters changed: located; median errors / unchanged", measured, "all; <= 2", ok)
-
-    everywhere = estimator(ours, camera=HALL_CAMERA)
-    everywhere.prepare()
-    slowest, right, tried = 0.0, 0, 0
-    for features, pose in list(zip(seen_second, truth, strict=True))[::2]:
-        started = time.perf_counter()
-        estimate = everywhere.look_at(features).pose
-        slowest = max(slowest, time.perf_counter() - started)
-        tried += 1
-        if estimate:
-            right += estimate.pose.error_to(pose)[0] < 0.05
-    ok = slowest <= 0.5
-    verdicts.add("without a prior: slowest, s", f"{slowest:.3f}", "<= 0.5", ok, Kind.TEXT)
-    verdicts.add("without a prior: within 5 cm", f"{right}/{tried}", "", True, Kind.RATE)
-
-    sizes = (2_000, 200_000) if arguments.quick else (2_000, 6_000, 20_000, 60_000, 200_000)
-    every = 4 if arguments.quick else 2
-    cost(verdicts, landmarks, seen_second[::every], truth[::every], sizes, seed)
-    cheaper(verdicts, landmarks, runs.orb.landmarks, second)
-    verdicts.print(located)
+    acceptance.append(("a frame without SIFT, ms", f"{max(sums):.2f}", "<= 2, and twice the least", ok, Kind.TEXT))
 
 
 def _text(errors: npt.NDArray[np.float64]) -> str:
@@ -287,7 +165,7 @@ def _text(errors: npt.NDArray[np.float64]) -> str:
 
 
 def cheaper(
-    verdicts: Verdicts,
+    acceptance: list[Acceptance],
     landmarks: LandmarkMap,
     orb: LandmarkMap,
     second: Sequence[HallFrame],
@@ -324,9 +202,7 @@ def cheaper(
             times.append(sight.timings_s["features"])
             if sight.pose:
                 believed = sight.pose.pose
-                off = sight.pose.pose.array - frame.pose.array
-                off[2] = wrap_angle(off[2])
-                errors.append(np.abs(off) * (1e3, 1e3, 180 / math.pi))
+                errors.append(off_by(believed, frame.pose))
         ms, median = 1e3 * float(np.median(times)), np.median(np.array(errors).reshape(-1, 3), axis=0)
         if name == "SIFT":
             reference_ms = ms
@@ -338,8 +214,107 @@ def cheaper(
             None if name == "SIFT" else verdict(ok),
         )  # fmt: skip
     target = "every frame, 5 mm, 5 mm, 0.05 deg"
-    verdicts.add("cheaper features at a third of the time", "see above", target, any_ok, Kind.TEXT)
+    acceptance.append(("cheaper features at a third of the time", "see above", target, any_ok, Kind.TEXT))
 
 
-if __name__ == "__main__":
-    main()
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
+    """Measure and print."""
+    seed = arguments.seed
+    count, located, turns = (24, 12, 24 / 143) if arguments.quick else (143, 100, 1.0)
+    rng = np.random.default_rng([seed, 1])
+    runs = make_runs(seed, count, located, turns, rng, pool)
+    first_run, second, third, landmarks, poses = runs.first, runs.second, runs.third, runs.map.landmarks, runs.map.poses
+    lost = runs.map.used.count(False)
+    views = len(landmarks.view_landmark)
+    size = f"{len(first_run)} moments, {lost} left out; {len(landmarks)} landmarks, {views} views"
+    own_run = Table(
+        "the map's own run           | x mm: error | y mm: error | deg: error",
+        size,
+        name="own run",
+        samples=len(first_run),
+    )
+    if lost:
+        own_run.note("the map lost its way: nothing else can be measured SHORT")
+        judge(False)
+        return
+    for name, found in (("with", poses), ("without", runs.drifted.poses)):
+        if len(found) == len(first_run):
+            own_run.row(f"{name} drift correction", *(float(v) for v in drift(found, first_run)))
+
+    extract = SiftExtractor(HALL_CAMERA).extract
+    frames_left = [f.images[1] for f in first_run[:located]]
+    left = [extract(image) for image in frames_left]
+    seen_second, seen_third = ([extract(f.images[0]) for f in run] for run in (second, third))
+    acceptance: list[Acceptance] = []
+
+    def estimator(
+        selection: Selection, matching: str = "loop", camera: PinholeCamera = HALL_RIG.left
+    ) -> LandmarkPoseEstimator:
+        return LandmarkPoseEstimator(landmarks, camera, selection=selection, matching=matching)  # type: ignore[arg-type]
+
+    own_truth = poses[:located]
+    cells, ours = Selection("cells"), Selection()
+    table = Table(COLUMNS, "Choices of landmarks, the map's own run", name="choices", samples=located)
+    everything = score(estimator(Selection("all")), left, own_truth, rng)
+    chosen = score(estimator(ours), left, own_truth, rng)
+    for name, s in (("all", everything), ("informative of cells, 60", chosen)):
+        row(table, name, s)
+    for name, how in (
+        ("cells 0.2, 0.2, 0.5", cells), ("  without contrast", replace(cells, by_contrast=False)),
+        ("frequency, 60, no cells", Selection("frequency")), ("response, 60, no cells", Selection("response")),
+        ("random, 60, no cells", Selection("random")),
+    ):  # fmt: skip
+        row(table, name, score(estimator(how), left, own_truth, rng))
+    for name, how in (("all", Selection("all")), ("response, 60", Selection("response")), ("informative, 60", ours)):
+        errors = perspective(estimator(how), left, own_truth)
+        table.row(
+            f"solvePnPRansac, {name}", f"{len(errors)}/{located}", *(float(v) for v in errors.mean(axis=0)),
+            ", ".join(f"{v:.2g}" for v in np.median(errors, axis=0)), *(None,) * 4,
+        )  # fmt: skip
+
+    limit = np.array([2.0, 2.0, 0.03])
+    for name, s in (("all", everything), ("selected", chosen)):
+        ok = len(s.errors) == s.frames and bool((s.mean <= limit).all())
+        target = "2 mm, 2 mm, 0.03 deg, every frame"
+        acceptance.append((f"own run, {name}: mean errors", _text(s.mean), target, ok, Kind.VERDICT))
+    table = Table(COLUMNS, "Second run, real truth", name="second run", samples=located)
+    truth = [f.pose for f in second]
+    results: dict[str, Score] = {}
+    for label, seen in (("dimmed", seen_second), ("dimmed, posters changed", seen_third)):
+        for name, how in (("all", Selection("all")), ("selected", ours)):
+            results[label + name] = score(estimator(how, camera=HALL_CAMERA), seen, truth, rng)
+            row(table, f"{label}, {name}", results[label + name])
+    without = LandmarkPoseEstimator(runs.drifted.landmarks, HALL_CAMERA, selection=ours)
+    row(table, "dimmed, map that drifts", score(without, seen_second, truth, rng))
+    limit = np.array([5.0, 5.0, 0.05])
+    s, moved = results["dimmedselected"], results["dimmed, posters changedselected"]
+    ok = len(s.errors) == s.frames and bool((s.median <= limit).all())
+    target = "5 mm, 5 mm, 0.05 deg, every frame"
+    acceptance.append(("second run, selected: median errors", _text(s.median), target, ok, Kind.VERDICT))
+    position = [float(np.median(np.hypot(run.errors[:, 0], run.errors[:, 1]))) for run in (moved, s)]
+    ratios = (position[0] / position[1], float(moved.median[2] / s.median[2]))
+    ok = len(moved.errors) == moved.frames and max(ratios) <= 2
+    measured = f"{len(moved.errors)}/{moved.frames}; {ratios[0]:.2f}, {ratios[1]:.2f}"
+    name = "posters changed: located; median errors / unchanged"
+    acceptance.append((name, measured, "all; <= 2", ok, Kind.VERDICT))
+
+    everywhere = estimator(ours, camera=HALL_CAMERA)
+    everywhere.prepare()
+    slowest, right, tried = 0.0, 0, 0
+    for features, pose in list(zip(seen_second, truth, strict=True))[::2]:
+        started = time.perf_counter()
+        estimate = everywhere.look_at(features).pose
+        slowest = max(slowest, time.perf_counter() - started)
+        tried += 1
+        if estimate:
+            right += estimate.pose.error_to(pose)[0] < 0.05
+    ok = slowest <= 0.5
+    acceptance.append(("without a prior: slowest, s", f"{slowest:.3f}", "<= 0.5", ok, Kind.TEXT))
+    acceptance.append(("without a prior: within 5 cm", f"{right}/{tried}", "", True, Kind.RATE))
+
+    sizes = (2_000, 200_000) if arguments.quick else (2_000, 6_000, 20_000, 60_000, 200_000)
+    every = 4 if arguments.quick else 2
+    cost(acceptance, landmarks, seen_second[::every], truth[::every], sizes, seed)
+    cheaper(acceptance, landmarks, runs.orb.landmarks, second)
+    print_acceptance(acceptance, located)

@@ -27,10 +27,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness import Kind, Pool, Table, percent, program, verdict
+from benchmarks.harness import Kind, Pool, Table, percent, program
+from benchmarks.worlds.hall_runs import Acceptance, off_by, print_acceptance
 from benchmarks.worlds.lecture_runs import ASIDE_M, MOMENTS, lecture, make_lecture_runs
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
-from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.features import Features, SiftExtractor
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 from robocup_vision.landmarks.locate import LandmarkMatch, LandmarkPoseEstimator
@@ -72,26 +73,15 @@ _OFF_PX, _OFF_RATIO, _REPEATS = 6.0, 1.25, 2
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """One way of choosing landmarks along a run, frame by frame.
+    """One way of choosing landmarks along a run, frame by frame."""
 
-    Parameters
-    ----------
-    errors : (N, 3) float64
-        Absolute, mm, mm, degrees.
-    located : (N,) bool
-        Which frames gave a pose.
-    looked_for, matched, wrong : (N,) int64
-        Landmarks, those that agree with the pose, and those of them that are wrong.
-    match_ms : (N,) float64
-        Matching time.
-    """
-
-    errors: FloatArray
-    located: npt.NDArray[np.bool_]
+    errors: FloatArray  #: (N, 3) float64: absolute, mm, mm, degrees
+    located: npt.NDArray[np.bool_]  #: (N,) bool: which frames gave a pose
+    #: (N,) int64: landmarks, those that agree with the pose, and those of them that are wrong
     looked_for: npt.NDArray[np.int64]
     matched: npt.NDArray[np.int64]
     wrong: npt.NDArray[np.int64]
-    match_ms: FloatArray
+    match_ms: FloatArray  #: (N,) float64: matching time
 
     @property
     def mean(self) -> FloatArray:
@@ -113,11 +103,9 @@ def follow(
         sight = looks[0]
         if sight.pose:
             pose = sight.pose.pose
-        off = pose.array - true.array
-        off[2] = wrap_angle(off[2])
         rows.append(
             (
-                *(np.abs(off) * (1e3, 1e3, 180 / math.pi)), bool(sight.pose), len(sight.expected),
+                *off_by(pose, true), bool(sight.pose), len(sight.expected),
                 int(sight.inliers.sum()), wrong_matches(estimator, sight, depth_m, true),
                 1e3 * min(look.timings_s["match"] for look in looks),
             )
@@ -242,7 +230,7 @@ def print_drive(path: Sequence[Pose2], steps: Sequence[DriveStep]) -> float:
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
     seed = arguments.seed
-    acceptance: list[tuple[str, str, str, bool, Kind]] = []
+    acceptance: list[Acceptance] = []
     runs = make_lecture_runs(seed, 24 if arguments.quick else MOMENTS, pool)
     landmarks, own = runs.landmarks, runs.poses
     (steps,) = pool.map(driven, [(seed, landmarks, own)])
@@ -317,13 +305,4 @@ def main(arguments: Namespace, pool: Pool) -> None:
 
     away_m = print_drive(own, steps)
     acceptance.append(("end of the drive, mm off", f"{1e3 * away_m:.0f}", "<= 100", away_m <= 0.1, Kind.TEXT))
-    table = Table(
-        "acceptance                               | measured: by row | target | verdict: by row", name="acceptance",
-        samples=samples,
-    )  # fmt: skip
-    for name, measured, target, ok, kind in acceptance:
-        table.row(name, measured, target, verdict(ok), kind=kind)
-
-
-if __name__ == "__main__":
-    main()
+    print_acceptance(acceptance, samples)

@@ -140,7 +140,3 @@ def main(arguments: Namespace) -> None:
     blocks, seconds = (1, 3.0) if arguments.quick else (8, 15.0) if arguments.full else (5, 8.0)
     measure_loop(blocks, seconds, arguments.seed)
     measure_memory(600 if arguments.quick else 108_000 if arguments.full else 6000, arguments.seed)
-
-
-if __name__ == "__main__":
-    main()

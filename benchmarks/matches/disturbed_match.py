@@ -12,8 +12,7 @@ from __future__ import annotations
 from argparse import Namespace
 
 from benchmarks.harness import Table, percent, program, verdict
-from benchmarks.scores.match_score import Played, play
-from benchmarks.worlds.near_truth import BOUNDS
+from benchmarks.scores.match_score import BOUNDS, Played, play
 from sim2d.match.disturbances import LEGS, NONE, Disturbances
 from sim2d.match.run import MatchPlan
 
@@ -53,7 +52,3 @@ def main(arguments: Namespace) -> None:
             failed,
             verdict(ok),
         )
-
-
-if __name__ == "__main__":
-    main()

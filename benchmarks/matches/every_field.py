@@ -25,8 +25,7 @@ from pathlib import Path
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.harness.programs import sources_digest
-from benchmarks.scores.match_score import Played, play
-from benchmarks.worlds.near_truth import BOUNDS
+from benchmarks.scores.match_score import BOUNDS, Played, play
 from robocup_vision.files.resume_file import ResumeFile
 from sim2d.match.run import MatchPlan
 
@@ -154,7 +153,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
         for row, case in enumerate(cases):
             pieces = [Piece(case, seconds, arguments.seed + index) for index in range(matches)]
             print_row(table, case, Played.together(play_row(pool, pieces, kept, row * matches)))
-
-
-if __name__ == "__main__":
-    main()

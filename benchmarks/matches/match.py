@@ -181,7 +181,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     judge_faults(arguments.seed, faulty, pool)
     if math.isfinite(resident_mb()):
         soak(arguments.seed, soak_s)
-
-
-if __name__ == "__main__":
-    main()

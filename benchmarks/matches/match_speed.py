@@ -211,7 +211,3 @@ def main(arguments: Namespace) -> None:
     measure_match(simulated_s, arguments.seed)
     measure_forward_matches(5.0 if arguments.quick else 30.0, arguments.seed)
     measure_film(6.0 if arguments.quick else 120.0 if arguments.full else 30.0, arguments.seed)
-
-
-if __name__ == "__main__":
-    main()

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness import Kind, Pool, Table, judge, program, verdict
-from benchmarks.worlds.failed_players import count_failed_in
+from benchmarks.scores.match_score import count_failed_in
 from robocup_vision.arrays import FloatArray
 from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches, play_plan
@@ -119,7 +119,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     if arguments.only is None:
         measure_ssl_2001(pool, matches, seconds, arguments.seed)
     measure_elsewhere(pool, fields, *elsewhere, arguments.seed)
-
-
-if __name__ == "__main__":
-    main()

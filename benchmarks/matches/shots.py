@@ -110,7 +110,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     is_seen = seen >= MIN_SEEN
     cells = percent(seen), f">= {100 * MIN_SEEN:g}", verdict(is_seen)
     verdicts.row("held balls that are seen, %", *cells, kind=Kind.RATE, samples=len(kicks))
-
-
-if __name__ == "__main__":
-    main()

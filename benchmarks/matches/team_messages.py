@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.worlds.failed_players import count_failed
+from benchmarks.scores.match_score import count_failed
 from field_models import load_field
 from sim2d.match.disturbances import disturbances_for
 from sim2d.match.run import MatchPlan
@@ -92,7 +92,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
             is_told = is_asked or failed > 0
             cells = percent(float(known.mean())), ratio, error, percent(float(found[:, 1].mean())), failed
             table.row(name, *cells, f">= {least:g}" if is_asked else "", verdict(ok) if is_told else "")
-
-
-if __name__ == "__main__":
-    main()

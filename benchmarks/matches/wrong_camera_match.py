@@ -15,8 +15,7 @@ from argparse import Namespace
 from dataclasses import dataclass, replace
 
 from benchmarks.harness import Table, percent, program, verdict
-from benchmarks.worlds.failed_players import count_failed
-from benchmarks.worlds.near_truth import BOUNDS
+from benchmarks.scores.match_score import BOUNDS, count_failed
 from sim2d.match.disturbances import LEGS, MIRRORS_ON_WHEELS, Disturbances
 from sim2d.match.run import MatchPlan
 from sim2d.players.catalog import BuiltInTeam
@@ -123,7 +122,3 @@ def main(arguments: Namespace) -> None:
                 count.failed,
                 verdict(ok) if row == "calibrated" or count.failed else "",
             )
-
-
-if __name__ == "__main__":
-    main()

@@ -14,8 +14,15 @@ from functools import partial
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program
-from benchmarks.scores.tracker_runs import COLUMNS, TUNED, nearest_neighbours, score, track_splitting, tracker_row
-from benchmarks.scores.tracking_score import NEAR_M
+from benchmarks.scores.tracker_runs import (
+    COLUMNS,
+    NEAR_M,
+    TUNED,
+    nearest_neighbours,
+    score,
+    track_splitting,
+    tracker_row,
+)
 from benchmarks.worlds.crowd import Frame, camera_film
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
@@ -54,7 +61,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     of_robots = away[away < NEAR_M]
     median, most = (1e3 * np.quantile(of_robots, (0.5, 0.9))).tolist()
     table.row("of robots", median, most, percent(1.0 - len(of_robots) / len(away)))
-
-
-if __name__ == "__main__":
-    main()

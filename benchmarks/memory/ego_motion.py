@@ -236,28 +236,6 @@ def one(seed: Sequence[int]) -> dict[tuple[str, int, int, str], Result]:
     }
 
 
-@program(pooled=True)
-def main(arguments: Namespace, pool: Pool) -> None:
-    """Measure and print."""
-    runs = 2 if arguments.quick else 100 if arguments.full else 20
-    driven = list(pool.map(one, [(arguments.seed, 6, index) for index in range(runs)]))
-    for source in SOURCES:
-        for count, stride in SETTINGS:
-            judged = count == SETTINGS[0][0]
-            rate = round(1 / (stride * CONTROL_PERIOD_S))
-            title = f"{source}: {count} frames, {rate} a second, {runs} runs"
-            columns = (
-                "method                  | mm: error | deg: error | worst mm: error | of k = 1: error | "
-                "of dead: error | NEES mean: error | median | ms | verdict"
-            )
-            table = Table(columns, title, name=f"{source}, {count}, {rate}/s", samples=runs)
-
-            def figures(method: str, source: str = source, count: int = count, stride: int = stride) -> list[Result]:
-                return [run[source, count, stride, method] for run in driven if (source, count, stride, method) in run]
-
-            print_rows(table, figures, judged, source == WORLD)
-
-
 def print_rows(table: Table, figures: Callable[[str], list[Result]], is_judged: bool, is_timed: bool) -> None:
     """Print the rows of one table."""
     median = {
@@ -291,5 +269,23 @@ def print_rows(table: Table, figures: Callable[[str], list[Result]], is_judged: 
         )
 
 
-if __name__ == "__main__":
-    main()
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
+    """Measure and print."""
+    runs = 2 if arguments.quick else 100 if arguments.full else 20
+    driven = list(pool.map(one, [(arguments.seed, 6, index) for index in range(runs)]))
+    for source in SOURCES:
+        for count, stride in SETTINGS:
+            judged = count == SETTINGS[0][0]
+            rate = round(1 / (stride * CONTROL_PERIOD_S))
+            title = f"{source}: {count} frames, {rate} a second, {runs} runs"
+            columns = (
+                "method                  | mm: error | deg: error | worst mm: error | of k = 1: error | "
+                "of dead: error | NEES mean: error | median | ms | verdict"
+            )
+            table = Table(columns, title, name=f"{source}, {count}, {rate}/s", samples=runs)
+
+            def figures(method: str, source: str = source, count: int = count, stride: int = stride) -> list[Result]:
+                return [run[source, count, stride, method] for run in driven if (source, count, stride, method) in run]
+
+            print_rows(table, figures, judged, source == WORLD)

@@ -66,7 +66,3 @@ def main(arguments: Namespace) -> None:
         aim = AIM_MS if name == EVERYTHING else None
         said = None if aim is None else verdict(added <= aim)
         table.row(name, f"{added:.2f}", f"{added / look_ms:.2f}", None if aim is None else f"{aim:g}", said)
-
-
-if __name__ == "__main__":
-    main()

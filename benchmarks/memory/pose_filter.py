@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,40 +80,24 @@ FOLLOWERS: dict[str, Callable[[], Follower]] = {
 }
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Tally:
-    """Squares and counts over many runs."""
+    """What runs came to."""
 
-    moments: int = 0
-    lost: int = 0
-    squares_m2: float = 0.0
-    squares_rad2: float = 0.0
-    nees: list[FloatArray] | None = None
-    flips: int = 0
+    errors: FloatArray  #: (N, 3) float64: at each moment of the position (m) and heading (rad), and NEES
+    lost: int  #: moments without a belief
+    flips: int  #: runs with a flip
 
-    def add(self, other: Tally) -> None:
-        """Count another one's too."""
-        self.moments += other.moments
-        self.lost += other.lost
-        self.squares_m2 += other.squares_m2
-        self.squares_rad2 += other.squares_rad2
-        self.flips += other.flips
-        self.nees = (self.nees or []) + (other.nees or [])
+    @classmethod
+    def together(cls, parts: Sequence[Tally]) -> Tally:
+        """Join those of several runs; of none it holds no moment."""
+        errors = np.concatenate([np.empty((0, 3)), *(part.errors for part in parts)])
+        return cls(errors, sum(part.lost for part in parts), sum(part.flips for part in parts))
 
     @property
-    def rms_m(self) -> float:
-        """Of the position, metres."""
-        return math.sqrt(self.squares_m2 / max(self.moments, 1))
-
-    @property
-    def rms_rad(self) -> float:
-        """Of the heading, radians."""
-        return math.sqrt(self.squares_rad2 / max(self.moments, 1))
-
-    @property
-    def all_nees(self) -> FloatArray:
-        """Over all moments."""
-        return np.concatenate(self.nees) if self.nees else np.array([math.nan])
+    def rms(self) -> list[float]:
+        """Root mean square of the position (m) and of the heading (rad)."""
+        return np.sqrt(np.mean(self.errors[:, :2] ** 2, axis=0)).tolist()  # type: ignore[no-any-return]
 
 
 def follow(follower: Follower, steps: list[Step], coming: list[Arrival]) -> list[PoseEstimate | NotLocated]:
@@ -133,22 +117,18 @@ def follow(follower: Follower, steps: list[Step], coming: list[Arrival]) -> list
 
 def judge(steps: list[Step], beliefs: list[PoseEstimate | NotLocated]) -> Tally:
     """Compare beliefs with the truth, from 1 s on."""
-    tally, nees, flipped = Tally(), [], False
+    errors, lost, flipped = [], 0, False
     for step, belief in zip(steps, beliefs, strict=True):
         if step.t_s < WARM_S:
             continue
         if not isinstance(belief, PoseEstimate):
-            tally.lost += 1
+            lost += 1
             continue
         error = pose_error(belief, step.truth, symmetric=False)
-        tally.moments += 1
-        tally.squares_m2 += error.position_m**2
-        tally.squares_rad2 += (error.theta_rad or 0.0) ** 2
-        nees.append(error.nees)
+        errors.append((error.position_m, error.theta_rad, error.nees))
         turned = belief.pose.half_turn()
         flipped |= sum(turned.error_to(step.truth)) < sum(belief.pose.error_to(step.truth))
-    tally.flips, tally.nees = int(flipped), [np.array(nees)]
-    return tally
+    return Tally(np.array(errors, dtype=np.float64).reshape(-1, 3), lost, int(flipped))
 
 
 def wander(task: tuple[int, int]) -> dict[tuple[str, str], Tally]:
@@ -200,18 +180,6 @@ def synthesize(task: tuple[int, int, float, float]) -> dict[str, Tally]:
     return {method: judge(steps, follow(begin(), steps, coming)) for method, begin in FOLLOWERS.items()}
 
 
-@program(pooled=True)
-def main(arguments: Namespace, pool: Pool) -> None:
-    """Measure and print."""
-    wandering, kidnapped, synthetic = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
-    if not HAS_FILTERPY:
-        print("filterpy: not installed")
-    print_wandering(list(pool.map(wander, [(arguments.seed, run) for run in range(wandering)])))
-    print_kidnapped(list(pool.map(kidnap, [(arguments.seed, run) for run in range(kidnapped)])))
-    tasks = [(arguments.seed, run, *lasting) for lasting in BIASES for run in range(synthetic)]
-    print_synthetic(synthetic, list(pool.map(synthesize, tasks)))
-
-
 def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> None:
     """Print a row for each condition and method."""
     table = Table(
@@ -225,32 +193,31 @@ def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> None:
         samples=round(len(results) * RUN_S),
     )
     for condition in CONDITIONS:
-        tallies = {}
-        for method in METHODS:
-            tallies[method] = Tally()
-            for result in results:
-                tallies[method].add(result.get((condition, method), Tally()))
+        tallies = {
+            method: Tally.together([result[condition, method] for result in results if (condition, method) in result])
+            for method in METHODS
+        }
         for method, tally in tallies.items():
             label = condition if method == METHODS[0] else ""
-            if not tally.moments:
+            if not len(tally.errors):
                 is_absent = method == "EKF" and not HAS_FILTERPY
                 table.row(label, method, "not installed" if is_absent else "none", *[None] * 8)
                 continue
-            nees, ratio = tally.all_nees, tally.rms_m / tallies["single"].rms_m
+            nees, ratio = tally.errors[:, 2], tally.rms[0] / tallies["single"].rms[0]
             mean = float(nees.mean())
             ok = NEES_BOUNDS[0] <= mean <= NEES_BOUNDS[1] and not tally.flips and not tally.lost
             ok &= ratio <= MAX_RATIO or condition != CONDITIONS[0]
             table.row(
                 label,
                 method,
-                1e3 * tally.rms_m,
-                math.degrees(tally.rms_rad),
+                1e3 * tally.rms[0],
+                math.degrees(tally.rms[1]),
                 ratio,
                 mean,
                 float(np.median(nees)),
                 percent(float(np.mean(nees <= NEES_95))),
                 str(tally.flips),
-                percent(tally.lost / (tally.lost + tally.moments)),
+                percent(tally.lost / (tally.lost + len(nees))),
                 verdict(ok) if method == "filter" else "",
             )
 
@@ -301,25 +268,31 @@ def print_synthetic(runs: int, results: list[dict[str, Tally]]) -> None:
         samples=round(runs * RUN_S),
     )
     for number, (bias, way_m) in enumerate(BIASES):
-        tallies = {method: Tally() for method in results[0]}
-        for result in results[number * runs : (number + 1) * runs]:
-            for method, tally in result.items():
-                tallies[method].add(tally)
+        of_bias = results[number * runs : (number + 1) * runs]
+        tallies = {method: Tally.together([result[method] for result in of_bias]) for method in results[0]}
         for method, tally in tallies.items():
-            nees = tally.all_nees
+            nees = tally.errors[:, 2]
             mean = float(nees.mean())
             ok = NEES_BOUNDS[0] <= mean <= NEES_BOUNDS[1]
             table.row(
                 f"{bias:g}" if method == METHODS[0] else "",
                 f"{way_m:g}" if method == METHODS[0] else "",
                 method,
-                1e3 * tally.rms_m,
-                tally.rms_m / tallies["single"].rms_m,
+                1e3 * tally.rms[0],
+                tally.rms[0] / tallies["single"].rms[0],
                 mean,
                 percent(float(np.mean(nees <= NEES_95))),
                 verdict(ok) if method == "filter" else "",
             )
 
 
-if __name__ == "__main__":
-    main()
+@program(pooled=True)
+def main(arguments: Namespace, pool: Pool) -> None:
+    """Measure and print."""
+    wandering, kidnapped, synthetic = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
+    if not HAS_FILTERPY:
+        print("filterpy: not installed")
+    print_wandering(list(pool.map(wander, [(arguments.seed, run) for run in range(wandering)])))
+    print_kidnapped(list(pool.map(kidnap, [(arguments.seed, run) for run in range(kidnapped)])))
+    tasks = [(arguments.seed, run, *lasting) for lasting in BIASES for run in range(synthetic)]
+    print_synthetic(synthetic, list(pool.map(synthesize, tasks)))

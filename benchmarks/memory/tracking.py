@@ -80,7 +80,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     taken = milliseconds(eight)
     fast = float(np.quantile(taken, 0.99)) <= MAX_MS
     table.row("update", float(np.median(taken)), float(np.quantile(taken, 0.99)), MAX_MS, verdict(fast))
-
-
-if __name__ == "__main__":
-    main()

@@ -282,7 +282,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     print_consistency(records["nominal"])
     print_free_space(records)
     print_balls(records)
-
-
-if __name__ == "__main__":
-    main()

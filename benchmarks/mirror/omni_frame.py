@@ -192,7 +192,3 @@ def main(arguments: Namespace) -> None:
     table = Table(columns, name="once")
     for row in rows:
         table.row(*row)
-
-
-if __name__ == "__main__":
-    main()

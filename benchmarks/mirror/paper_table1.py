@@ -142,7 +142,3 @@ def main(arguments: Namespace) -> None:
     for name, camera in ((RIGHT, CAMERA), (WRONG, wrong), (CALIBRATED, calibrated)):
         if camera is not None:
             measure(name, camera, frames)
-
-
-if __name__ == "__main__":
-    main()

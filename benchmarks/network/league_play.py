@@ -15,9 +15,9 @@ import math
 from argparse import Namespace
 
 from benchmarks.harness import Table, program, verdict
+from benchmarks.network.league_network import KINDS, TRACKER_TARGET, tracker_errors
 from field_models import load_field
-from robocup_vision.ssl.log import LogEntry, LogKind
-from robocup_vision.ssl.log_score import score_log
+from robocup_vision.ssl.log import LogEntry
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.values.detection import VisionPacket
 from robocup_vision.ssl.values.referee import Referee
@@ -31,9 +31,7 @@ from sim2d.network.world import SIDES, STEPS_PER_S
 
 FIELD = load_field("ssl_division_b")
 PLAYERS, HALT_EVERY_S = 6, 4.0
-KINDS = {Channel.VISION: LogKind.VISION, Channel.TRACKER: LogKind.TRACKER, Channel.REFEREE: LogKind.REFEREE}
 STANDS_MPS, MAX_HALT_S, MAX_BRAKE_S = 0.01, 0.1, 0.4
-MAX_PLACE_RATIO, MAX_VELOCITY_MPS, MAX_REFOUND_S = 0.6, 0.08, 0.2
 STOP_FOULS = ("fast_in_stop", "near_ball")
 
 
@@ -100,6 +98,26 @@ def play(opponents: str, seconds: float, seed: int) -> tuple[LeagueReferee, Halt
     return referee, halts, entries
 
 
+def measure_tracker(entries: list[LogEntry]) -> None:
+    """Print the tracker's errors on a match's log."""
+    table = Table(
+        "robots | place mm | last mm | ratio | velocity m/s | refound s | target | verdict",
+        "Tracker in that match",
+        name="match_tracker",
+    )
+    for moment, place, last, velocity, refound, ok in tracker_errors(entries):
+        table.row(
+            moment.replace("the", "at the"),
+            round(1000 * place, 2),
+            round(1000 * last, 2),
+            round(place / last, 3),
+            round(velocity, 3),
+            round(refound, 3),
+            TRACKER_TARGET,
+            verdict(ok),
+        )
+
+
 @program({"--opponents": {"default": "overhead", "help": "overhead (default), plain, memory or planning"}})
 def main(arguments: Namespace) -> None:
     """Play, and print both tables."""
@@ -118,35 +136,3 @@ def main(arguments: Namespace) -> None:
     row = round(halts.stands_s, 3)
     table.row("all robots stand after a halt, s", row, f"<= {MAX_BRAKE_S:g}", verdict(row <= MAX_BRAKE_S))
     measure_tracker(entries)
-
-
-def measure_tracker(entries: list[LogEntry]) -> None:
-    """Print the tracker's errors on a match's log."""
-    score = score_log(entries)
-    table = Table(
-        "robots | place mm | last mm | ratio | velocity m/s | refound s | target | verdict",
-        "Tracker in that match",
-        name="match_tracker",
-    )
-    refound = score.ball_refound_s or 0.0
-    for moment, place, last, velocity in (
-        ("at the exposure", score.exposed_rms_m, score.exposed_last_rms_m, score.exposed_velocity_rms_mps),
-        ("now", score.robot_rms_m, score.robot_last_rms_m, score.robot_velocity_rms_mps),
-    ):
-        if place is None or last is None or velocity is None:
-            continue
-        ok = place <= MAX_PLACE_RATIO * last and velocity <= MAX_VELOCITY_MPS and refound <= MAX_REFOUND_S
-        table.row(
-            moment,
-            round(1000 * place, 2),
-            round(1000 * last, 2),
-            round(place / last, 3),
-            round(velocity, 3),
-            round(refound, 3),
-            "0.6, 0.08, 0.2",
-            verdict(ok),
-        )
-
-
-if __name__ == "__main__":
-    main()

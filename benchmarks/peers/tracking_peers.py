@@ -87,28 +87,17 @@ class NearestNeighbours:
 
 @dataclass(frozen=True)
 class StoneSoup:
-    """A tracker put together from stonesoup's parts, as its own examples do.
+    """A tracker put together from stonesoup's parts, as its own examples do."""
 
-    Parameters
-    ----------
-    joint : bool
-        JPDA; else GNN with 2D assignment.
-    acceleration_mps2, speed_mps : float
-        As those of `MovingObjects`.
-    hits, patience : int
-        Detections until a track is reported, and frames without any after which it ends.
-    gate : float
-        Mahalanobis distance, not squared.
-    detected, clutter_per_m2 : float
-        For JPDA.
-    """
-
-    joint: bool
+    joint: bool  #: JPDA; else GNN with 2D assignment
+    #: as those of `MovingObjects`
     acceleration_mps2: float = 2.0
     speed_mps: float = 0.7
+    #: detections until a track is reported, and frames without any after which it ends
     hits: int = 3
     patience: int = 5
-    gate: float = 3.0
+    gate: float = 3.0  #: Mahalanobis distance, not squared
+    #: for JPDA
     detected: float = 0.8
     clutter_per_m2: float = 0.2
 

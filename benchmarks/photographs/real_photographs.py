@@ -39,7 +39,6 @@ from benchmarks.scores import photograph_checks as checks
 from benchmarks.scores import photograph_consistency as consistency
 from benchmarks.scores import photograph_fisheyes as fisheyes
 from benchmarks.scores import photograph_floor as floor
-from benchmarks.scores import photograph_kinds as kinds
 from benchmarks.scores import photograph_poses as poses
 from benchmarks.scores.photograph_rows import REAL, PhotographRow, drawn_prior, hand_picked_px, known_poses
 from field_models import load_field
@@ -63,7 +62,7 @@ ROW_MODULES: dict[str, tuple[Callable[[], PhotographRow | None], ...]] = {
     "consistency": consistency.ROWS,
     "checks": checks.ROWS,
     "floor": floor.ROWS,
-    "kinds": kinds.ROWS,
+    "kinds": fisheyes.KIND_ROWS,
 }
 QUICK_MODULES = ("balls",)
 ONBOARD, ONBOARD_FIELD = (
@@ -218,7 +217,3 @@ def main(arguments: Namespace) -> None:
             table.row(label, measured, due, None if due is None else verdict(ok), kind=kind)
     forward_camera(2 * repeats, arguments.seed)
     measured_rows(QUICK_MODULES if arguments.quick else ROW_MODULES)
-
-
-if __name__ == "__main__":
-    main()

@@ -340,7 +340,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     # opponents across a field; and close together, where turning back costs next to nothing
     measure_passage(5 * count, 2.5, arguments.seed, pool)
     measure_passage(5 * count, 1.0, arguments.seed, pool)
-
-
-if __name__ == "__main__":
-    main()

@@ -175,7 +175,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     )
     table = Table("white goals on both sides | looks | answer | verdict: verdict", name="white goals")
     table.row(same.reason, 0, same.answer, verdict(same.answer == "undecidable"))
-
-
-if __name__ == "__main__":
-    main()

@@ -278,7 +278,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     }
     # a few runs show nothing
     compare(table, rendered, judged=not arguments.quick)
-
-
-if __name__ == "__main__":
-    main()

@@ -177,7 +177,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
             ok = ours <= MAX_OF_NEAREST * nearest and ours <= straight and longer == 0
             target, text = f"<= {MAX_OF_NEAREST}, <= straight, 0", verdict(ok)
         table.row(rule, looks[rule], looks[rule] / nearest, max(f.looks for f in runs), longer, target, text)
-
-
-if __name__ == "__main__":
-    main()

@@ -21,12 +21,10 @@ from functools import partial
 import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
-from benchmarks.scores.tracking_score import NEAR_M
+from benchmarks.scores.tracker_runs import NEAR_M
 from benchmarks.worlds import gap_choices, hidden_opponents
 from benchmarks.worlds.crowd import Frame, camera_film
-from benchmarks.worlds.error_law import MATCHED, ErrorLaw, Errors
-from benchmarks.worlds.slalom import draw_slalom, drive_slalom
-from benchmarks.worlds.uncertain_robot import RADIUS_M
+from benchmarks.worlds.uncertain_robot import MATCHED, RADIUS_M, ErrorLaw, Errors, draw_slalom, drive_slalom
 from field_models import load_field
 from robocup_vision.arrays import FloatArray
 
@@ -142,7 +140,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     wider = ErrorLaw(scale=OTHER_SCALE)
     laws = {"matched": MATCHED, "frames": frames, "x 1.5": Errors(wider, wider, OTHER_SCALE), "tails": tails}
     measure(laws, runs, arguments.seed, pool)
-
-
-if __name__ == "__main__":
-    main()

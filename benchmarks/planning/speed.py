@@ -20,8 +20,15 @@ import numpy as np
 
 from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.worlds import hidden_opponents
-from benchmarks.worlds.slalom import SlalomDrive, draw_slalom, drive_slalom
-from benchmarks.worlds.uncertain_robot import BIAS_STD, DISC_STD_M, LOOK_STD, RADIUS_M
+from benchmarks.worlds.uncertain_robot import (
+    BIAS_STD,
+    DISC_STD_M,
+    LOOK_STD,
+    RADIUS_M,
+    SlalomDrive,
+    draw_slalom,
+    drive_slalom,
+)
 
 CONSTANT_MPS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 1.0, 1.5)
 
@@ -155,7 +162,3 @@ def main(arguments: Namespace, pool: Pool) -> None:
     hidden, others = (20, 10) if arguments.quick else (1500, 150)
     measure_unknown(hidden, others, arguments.seed, pool)
     measure_known(runs, arguments.seed)
-
-
-if __name__ == "__main__":
-    main()

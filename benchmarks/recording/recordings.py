@@ -42,15 +42,6 @@ FRAMES_A_ROUND, PERIOD_S = 60, 1 / 30
 SCHEDULE = Path("/proc/thread-self/schedstat")
 
 
-@program()
-def main(arguments: Namespace) -> None:
-    """Run all parts."""
-    rounds = 2 if arguments.quick else 24 if arguments.full else 8
-    seconds = 6.0 if arguments.quick else 60.0
-    measure_cost(rounds, arguments.seed)
-    measure_replay(seconds, arguments.seed)
-
-
 def measure_cost(rounds: int, seed: int) -> None:
     """Print what recording costs the loop."""
     camera = sekimori_camera(640, 480)
@@ -155,5 +146,10 @@ def measure_replay(seconds: float, seed: int) -> None:
     table.note(f"played and recorded at {seconds / took_s:.1f} times real time")
 
 
-if __name__ == "__main__":
-    main()
+@program()
+def main(arguments: Namespace) -> None:
+    """Run all parts."""
+    rounds = 2 if arguments.quick else 24 if arguments.full else 8
+    seconds = 6.0 if arguments.quick else 60.0
+    measure_cost(rounds, arguments.seed)
+    measure_replay(seconds, arguments.seed)

@@ -162,7 +162,3 @@ def main(arguments: Namespace) -> None:
     table.row("MB at the end", soaked.used_mb[-1], None, None)
     table.row("growth, MB", growth_mb, f"<= {MAX_GROWTH_MB:g}", verdict(grows))
     table.row("growth, objects", more, f"<= {MAX_OBJECTS}", verdict(follows))
-
-
-if __name__ == "__main__":
-    main()

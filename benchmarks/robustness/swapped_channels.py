@@ -190,7 +190,3 @@ def main(arguments: Namespace) -> None:
                 verdict(warnings == 0),
             )
     table.row("all", total, false, "0", None, None, None, verdict(false == 0))
-
-
-if __name__ == "__main__":
-    main()

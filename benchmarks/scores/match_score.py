@@ -3,19 +3,69 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from time import process_time
+from typing import Any
 
-from benchmarks.worlds.failed_players import count_failed
-from benchmarks.worlds.near_truth import Bound
+from robocup_vision.geometry import Pose2
 from sim2d.match.run import MatchPlan
+from sim2d.report.match_figures import MatchFigures
 from sim2d.robot_link import CONTROL_PERIOD_S
 from sim2d.world.state import Moment
 
 SETTLED_S = 2.0
 KNOWN_M, STANDS_M, STANDS_S = 0.20, 0.05, 3.0
+
+
+def count_failed(figures: MatchFigures) -> int:
+    """Return how many players of a match were stopped; say on stderr which, and why.
+
+    A stopped player's robot stands still, and the figures go on: such a benchmark is not ok, whatever they say.
+    """
+    failed = [(r.robot, r.stopped_s, r.stopped_reason) for r in figures.robots if r.stopped_s is not None]
+    return _tell(failed)
+
+
+def count_failed_in(match: dict[str, Any]) -> int:
+    """Return the same of a match.json."""
+    robots = match["robots"]
+    return _tell([(r["robot"], r["stopped_s"], r["stopped_reason"]) for r in robots if r["stopped_s"] is not None])
+
+
+def _tell(failed: list[tuple[int, float, str]]) -> int:
+    for robot, stopped_s, reason in failed:
+        print(f"the player of robot {robot} failed at {stopped_s:.1f} s: {reason}", file=sys.stderr)
+    return len(failed)
+
+
+@dataclass(frozen=True)
+class Bound:
+    """Greatest error of a pose that still counts as near the truth."""
+
+    away_m: float
+    turned_rad: float
+
+    def holds(self, pose: Pose2 | None, truth: Pose2) -> bool:
+        """Tell whether a pose is near the truth; none is not."""
+        if pose is None:
+            return False
+        away_m, turned_rad = pose.error_to(truth)
+        return away_m < self.away_m and turned_rad < self.turned_rad
+
+    def __str__(self) -> str:
+        return f"{100 * self.away_m:g} cm, {math.degrees(self.turned_rad):g} deg"
+
+
+BOUNDS = {
+    "ssl_2001": Bound(0.03, math.radians(3.0)),
+    "four_legged_2007": Bound(0.10, math.radians(5.0)),
+    "ssl_division_b": Bound(0.15, math.radians(5.0)),
+    "msl_18x12": Bound(0.15, math.radians(5.0)),
+    "spl_2020": Bound(0.15, math.radians(5.0)),
+}
 
 
 @dataclass

@@ -23,28 +23,17 @@ CAUSES = ("again", "ball", "goal", "beacon", "floor's end", "floor")
 
 @dataclass(frozen=True, slots=True)
 class Listed:
-    """How many robots are certain to be in view, and how many obstacles are those, others, or nothing.
+    """How many robots are certain to be in view, and how many obstacles are those, others, or nothing."""
 
-    Parameters
-    ----------
-    certain, found, doubtful : int
-        Robots that must be listed, those of them that are, and listed ones that need not be.
-    false : tuple of str
-        What each further obstacle is.
-    errors_m : tuple of float
-        Distance of each found robot's obstacle from the middle of its near side.
-    widths_m : tuple of float
-        Width of each found robot's obstacle less the robot's, of those that are whole in view.
-    floor_ends : tuple of float
-        Where the free floor ends in the direction of each robot that is certain and nearer than 6 m, of its range.
-    """
-
+    #: robots that must be listed, those of them that are, and listed ones that need not be
     certain: int
     found: int
     doubtful: int
-    false: tuple[str, ...]
-    errors_m: tuple[float, ...]
+    false: tuple[str, ...]  #: what each further obstacle is
+    errors_m: tuple[float, ...]  #: distance of each found robot's obstacle from the middle of its near side
+    #: width of each found robot's obstacle less the robot's, of those that are whole in view
     widths_m: tuple[float, ...]
+    #: where the free floor ends in the direction of each robot that is certain and nearer than 6 m, of its range
     floor_ends: tuple[float, ...]
 
     @property

@@ -39,20 +39,13 @@ PRIOR_STD = np.array([0.1, 0.1, math.radians(5.0)])
 
 @dataclass(frozen=True, slots=True)
 class PhotographRow:
-    """What was measured, against what it is to be.
+    """What was measured, against what it is to be."""
 
-    Parameters
-    ----------
-    name, measured, target : str
-        As printed.
-    is_met : bool
-        Whether the target is met.
-    """
-
+    #: as printed
     name: str
     measured: str
     target: str
-    is_met: bool
+    is_met: bool  #: whether the target is met
 
 
 def needs(
@@ -111,21 +104,7 @@ def looks(
     priors: int = 0,
     rng: np.random.Generator | None = None,
 ) -> Iterator[Look]:
-    """Look at photographs, each by itself.
-
-    Parameters
-    ----------
-    vision : Vision
-        Forgets before each look.
-    frames : iterable of (str, (H, W, 3) uint8)
-        Their names and pictures.
-    truths : mapping of str to Pose2, optional
-        Known poses by name; with priors each has one.
-    priors : int
-        With how many priors, drawn about the known pose, each is looked at; 0: once, without any.
-    rng : numpy.random.Generator, optional
-        Draws them; that of the default seed unless given.
-    """
+    """Look at photographs, each by itself: once, or with so many priors drawn about its known pose."""
     rng = rng or np.random.default_rng(DEFAULT_SEED)
     for name, frame in frames:
         truth = None if truths is None else truths.get(name)

@@ -34,6 +34,8 @@ LONGEST_M = 2.5
 CAMERA_STD, CAMERA_LONGEST_M = (0.01, 0.05), 1.3
 # ratio of the frames in which a thing in view is missed, frames in a row, ratio in which its middle shows through
 MISSED, MISSED_FRAMES, THROUGH = 0.12, 2.0, 0.05
+# control periods from frame to frame of a film
+EVERY = 2
 # specks in a frame, all over the field
 SPECKS = 0.6
 # error of the pose: metres, radians, and seconds over which it changes
@@ -41,21 +43,7 @@ POSE_STD, POSE_TIME_S = (0.012, 0.012, 0.012), 0.5
 
 
 class Sensor:
-    """Ranges of one robot and its estimated pose.
-
-    Parameters
-    ----------
-    field : Field
-        Its walls.
-    others : int
-        Number of things that may be seen.
-    radius_m : float
-        Their radius.
-    period_s : float
-        Between two frames.
-    rng : numpy.random.Generator
-        Of all noise.
-    """
+    """Ranges of one robot among so many others of a radius, and its estimated pose."""
 
     def __init__(self, field: Field, others: int, radius_m: float, period_s: float, rng: np.random.Generator) -> None:
         self._field, self._radius_m, self._rng = field, radius_m, rng
@@ -135,47 +123,20 @@ def wall_ranges(walls_m: FloatArray, pose: Pose2, bearing_rad: FloatArray) -> Fl
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """What one frame shows, and the truth.
+    """What one frame shows, and the truth."""
 
-    Parameters
-    ----------
-    t_s : float
-        When.
-    robot : Pose2
-        Where the robot takes itself to be.
-    robot_covariance : (3, 3) float64
-        Of that.
-    truth : Pose2
-        Where it is.
-    detections : tuple of Detection
-        Returns inside the known free floor.
-    places_m : (N, 2) float64
-        The others.
-    in_view : (N,) bool
-        Seen by ranges: those hardly hidden. By camera: those near enough to be counted.
-    """
-
-    t_s: float
-    robot: Pose2
-    robot_covariance: FloatArray
-    truth: Pose2
-    detections: tuple[Detection, ...]
-    places_m: FloatArray
+    t_s: float  #: when
+    robot: Pose2  #: where the robot takes itself to be
+    robot_covariance: FloatArray  #: (3, 3) float64: of that
+    truth: Pose2  #: where it is
+    detections: tuple[Detection, ...]  #: returns inside the known free floor
+    places_m: FloatArray  #: (N, 2) float64: the others
+    #: (N,) bool: seen by ranges: those hardly hidden. By camera: those near enough to be counted.
     in_view: npt.NDArray[np.bool_]
 
 
 class Wanderer:
-    """Drives a robot from place to place, at a speed of its own that changes.
-
-    Parameters
-    ----------
-    field : Field
-        Where.
-    fastest_mps : float
-        At most.
-    rng : numpy.random.Generator
-        Of its wishes.
-    """
+    """Drives a robot from place to place, at a speed of its own that changes."""
 
     def __init__(self, field: Field, fastest_mps: float, rng: np.random.Generator) -> None:
         self._half: FloatArray = np.array([field.length_m / 2, field.width_m / 2]) - 0.12
@@ -205,31 +166,15 @@ class Wanderer:
         return Command(float(c * wanted[0] + s * wanted[1]), float(c * wanted[1] - s * wanted[0]), 0.0)
 
 
-def film(
-    field: Field, seed: Sequence[int], others: int = 6, frames: int = 150, every: int = 2, fastest_mps: float = 1.0
-) -> list[Frame]:
-    """Frames of a robot that drives among others.
-
-    Parameters
-    ----------
-    field : Field
-        Where.
-    seed : sequence of int
-        Of everything.
-    others, frames : int
-        How many.
-    every : int
-        Control periods from frame to frame.
-    fastest_mps : float
-        Of the others; the robot itself drives half as fast.
-    """
+def film(field: Field, seed: Sequence[int], others: int = 6) -> list[Frame]:
+    """Return 10 s of a robot that drives among others, half as fast as they."""
     rng = np.random.default_rng(seed)
-    limits = RobotLimits(speed_mps=fastest_mps)
-    sensor = Sensor(field, others, limits.radius_m, every * CONTROL_PERIOD_S, rng)
+    limits = RobotLimits(speed_mps=1.0)
+    sensor = Sensor(field, others, limits.radius_m, EVERY * CONTROL_PERIOD_S, rng)
     detector = ReturnDetector(KnownFreeSpace.of_field(field), limits.radius_m, longest_m=LONGEST_M)
     taken = []
-    for period, world in enumerate(moves(field, limits, others, frames * every, rng)):
-        if period % every == 0:
+    for period, world in enumerate(moves(field, limits, others, 150 * EVERY, rng)):
+        if period % EVERY == 0:
             truth, places = _truth(world)
             range_m, in_view = sensor.ranges(truth, places)
             robot, covariance = sensor.estimated(truth), sensor.pose_covariance
@@ -238,8 +183,8 @@ def film(
     return taken
 
 
-def camera_film(field: Field, seed: Sequence[int], others: int = 4, frames: int = 90, every: int = 2) -> list[Frame]:
-    """Do the same through the images of a mirror camera: poses and obstacles are those of `Vision`.
+def camera_film(field: Field, seed: Sequence[int]) -> list[Frame]:
+    """Return 6 s among four others through the images of a mirror camera: poses and obstacles are those of `Vision`.
 
     Counted are the others within `CAMERA_LONGEST_M`, hidden or not: what is farther away is a pixel or two.
     """
@@ -250,9 +195,9 @@ def camera_film(field: Field, seed: Sequence[int], others: int = 4, frames: int 
         KnownFreeSpace.of_field(field), limits.radius_m, range_std=CAMERA_STD, longest_m=CAMERA_LONGEST_M
     )
     taken = []
-    for period, world in enumerate(moves(field, limits, others, frames * every, rng)):
+    for period, world in enumerate(moves(field, limits, 4, 90 * EVERY, rng)):
         belief.predict(world.odometry(0), world.t_s)
-        if period % every == 0:
+        if period % EVERY == 0:
             truth, places = _truth(world)
             view = vision.look(eye.render(world.state, 0), world.t_s, prior=belief.prior(world.t_s))
             belief.update(view.pose, world.t_s)

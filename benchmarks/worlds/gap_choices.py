@@ -15,15 +15,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.worlds.error_law import MATCHED, Errors
 from benchmarks.worlds.uncertain_robot import (
     DISC_STD_M,
+    LATEST_S,
     LIMITS,
+    MATCHED,
     PATIENCE_S,
     PERIOD_S,
     PLAN_EVERY,
     PLANNER,
     RADIUS_M,
+    Errors,
     UncertainRobot,
 )
 from robocup_vision.arrays import FloatArray
@@ -35,7 +37,7 @@ GOAL_M = (4.0, 0.0)
 AGAIN, JUDGED = ("at each look", "if blocked", "if stuck"), "if blocked"
 # a gap is known to be blocked if it is so much at least; the way through is straight so far before and after
 BLOCKED, STRAIGHT_M = 0.95, 0.45
-LATEST_S, HERE_M = 60.0, 0.05
+HERE_M = 0.05
 # how wide the open floor beside the row is, at least
 _ROUND_M = 1.2
 

@@ -12,18 +12,42 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
-from benchmarks.harness.pool import Pool
-from benchmarks.peers.orb import OrbExtractor
+from benchmarks.harness import Kind, Pool, Table, verdict
+from robocup_vision.arguments import as_frame
+from robocup_vision.arrays import UInt8Array
+from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.geometry import Pose2, wrap_angle
+from robocup_vision.landmarks.features import Features, features_of
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 from robocup_vision.landmarks.mapping.stereo_mapper import StereoMapper
 from sim2d.rendering.hall.hall import Hall, HallLight, loop_path, make_hall
 from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame, take
 
 SHIFT_M, DIM, MOVED = 0.2, 0.5, 0.3
+
+
+class OrbExtractor:
+    """Finds ORB features: a fraction of SIFT's time, and coarser. A map must be made with what it is used with."""
+
+    def __init__(self, camera: PinholeCamera) -> None:
+        self.camera = camera
+        self._orb = cv2.ORB.create(nfeatures=800)
+
+    def extract(self, frame: UInt8Array) -> Features:
+        """Find the features of a frame, (H, W, 3) uint8 BGR; the descriptors' 256 bits as unit vectors."""
+        as_frame(frame, self.camera.size_px)
+        keypoints, packed = self._orb.detectAndCompute(cv2.cvtColor(frame, cv2.COLOR_BGR2GRAY), None)
+        if packed is None:
+            return features_of(self.camera, (), None)
+        bits = np.unpackbits(np.asarray(packed, dtype=np.uint8), axis=1)
+        features = features_of(self.camera, keypoints, bits.astype(np.float32))
+        octave = np.array([k.octave for k in keypoints], dtype=np.float64)
+        scale = np.asarray(float(self._orb.getScaleFactor()) ** octave, dtype=np.float64)
+        return Features(features.pixels, features.size_px, scale, features.contrast, features.descriptors)
 
 
 class Built(NamedTuple):
@@ -47,21 +71,7 @@ class HallRuns:
 
 
 def make_runs(seed: int, count: int, located: int, turns: float, rng: np.random.Generator, pool: Pool) -> HallRuns:
-    """Render the runs, and build the maps.
-
-    Parameters
-    ----------
-    seed : int
-        Of the hall and of the frames' noise.
-    count, located : int
-        Frames of the first run, and of each other one.
-    turns : float
-        How often the runs go round the hall.
-    rng : numpy.random.Generator
-        Of the posters that change.
-    pool : Pool
-        Renders the frames, and builds the maps.
-    """
+    """Render `turns` rounds, `count` frames of the first run and `located` of each other one, and build the maps."""
     hall = make_hall(seed)
     first_path, second_path = loop_path(count, turns=turns), loop_path(located, shift_m=SHIFT_M, turns=turns)
     changed = hall.rearranged(MOVED, rng)
@@ -110,9 +120,25 @@ def build(frames: Sequence[HallFrame], *, bound_drift: bool = True, orb: bool = 
 
 def drift(poses: Sequence[Pose2], frames: Sequence[HallFrame]) -> npt.NDArray[np.float64]:
     """Mean errors (3,) of the map's run, mm, mm, degrees."""
-    off = np.array([p.array - f.pose.array for p, f in zip(poses, frames, strict=True)])
-    off[:, 2] = [wrap_angle(float(v)) for v in off[:, 2]]
-    return np.asarray(np.abs(off).mean(axis=0) * (1e3, 1e3, 180 / math.pi))
+    return np.asarray(np.mean([off_by(p, f.pose) for p, f in zip(poses, frames, strict=True)], axis=0))
+
+
+def off_by(pose: Pose2, truth: Pose2) -> npt.NDArray[np.float64]:
+    """Absolute errors (3,), mm, mm, degrees."""
+    turn = wrap_angle(pose.theta_rad - truth.theta_rad)
+    return np.abs((1e3 * (pose.x_m - truth.x_m), 1e3 * (pose.y_m - truth.y_m), math.degrees(turn)))
+
+
+# name, figure as printed, target, whether it is met; the figure is compared with earlier ones by its kind
+Acceptance = tuple[str, str, str, bool, Kind]
+
+
+def print_acceptance(rows: Sequence[Acceptance], samples: int) -> None:
+    """Print what is asked of a hall's benchmark."""
+    columns = "acceptance                               | measured: by row | target | verdict: by row"
+    table = Table(columns, name="acceptance", samples=samples)
+    for name, measured, target, ok, kind in rows:
+        table.row(name, measured, target, verdict(ok), kind=kind)
 
 
 def building(landmarks: LandmarkMap, count: int, rng: np.random.Generator) -> LandmarkMap:

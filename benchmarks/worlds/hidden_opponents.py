@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse.csgraph import csgraph_from_dense, dijkstra
 
-from benchmarks.worlds.error_law import MATCHED, Errors
+from benchmarks.worlds.uncertain_robot import MATCHED, Errors
 from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion.path_following import drive, nearest_on_path

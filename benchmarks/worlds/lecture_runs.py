@@ -30,27 +30,13 @@ _PIECE = 12
 
 @dataclass(frozen=True, eq=False)
 class LectureRuns:
-    """The runs and the map.
+    """The runs and the map."""
 
-    Parameters
-    ----------
-    first : list of HallFrame
-        Of the moments that are in the map: its three pictures and the depths they show.
-    poses : list of Pose2
-        Where the map's run takes the robot to have been at these.
-    lost : int
-        Moments of which the mapper knew no pose.
-    landmarks : LandmarkMap
-        The map.
-    later : list of HallFrame
-        Pictures of one camera on another visit.
-    """
-
-    first: list[HallFrame]
-    poses: list[Pose2]
-    lost: int
-    landmarks: LandmarkMap
-    later: list[HallFrame]
+    first: list[HallFrame]  #: of the moments that are in the map: its three pictures and the depths they show
+    poses: list[Pose2]  #: where the map's run takes the robot to have been at these
+    lost: int  #: moments of which the mapper knew no pose
+    landmarks: LandmarkMap  #: the map
+    later: list[HallFrame]  #: pictures of one camera on another visit
 
 
 @lru_cache(maxsize=2)
@@ -63,17 +49,7 @@ def lecture(seed: int, later: bool) -> tuple[Hall, Bustle]:
 
 
 def make_lecture_runs(seed: int, moments: int, pool: Pool) -> LectureRuns:
-    """Render the runs and build the map.
-
-    Parameters
-    ----------
-    seed : int
-        Of the hall, the people and the frames' noise.
-    moments : int
-        Of the way's 143, from its start on.
-    pool : Pool
-        Renders the frames.
-    """
+    """Render the runs, so many moments from the way's start on, and build the map."""
     starts = range(0, moments, _PIECE)
     jobs = [(seed, later, k, min(k + _PIECE, moments)) for later in (False, True) for k in starts]
     parts = list(pool.map(_render, jobs))

@@ -28,24 +28,12 @@ _HIDING_M = 0.1
 
 @dataclass(frozen=True)
 class MarkingWorld:
-    """A field, a camera as its file says, and what robots stand about.
+    """A field, a camera as its file says, and what robots stand about."""
 
-    Parameters
-    ----------
-    field_name : str
-        The pitch.
-    camera : OmniCamera or PinholeCamera
-        As its file says; a forward one is held off by what the file states.
-    robot_size_m : (float, float)
-        Radius and height of others.
-    noise : float
-        Of the sensor, grey levels.
-    """
-
-    field_name: str
-    camera: Camera
-    robot_size_m: tuple[float, float]
-    noise: float = 3.0
+    field_name: str  #: the pitch
+    camera: Camera  #: as its file says; a forward one is held off by what the file states
+    robot_size_m: tuple[float, float]  #: radius and height of others
+    noise: float = 3.0  #: of the sensor, grey levels
 
     @cached_property
     def field(self) -> Field:
@@ -87,24 +75,12 @@ WORLDS: dict[str, MarkingWorld] = {
 
 @dataclass(frozen=True, eq=False)
 class MarkedFrame:
-    """One picture, and what is true of it.
+    """One picture, and what is true of it."""
 
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-        The picture.
-    camera : OmniCamera or PinholeCamera
-        As it truly was held.
-    robot : Pose2
-        Where it truly was.
-    others : tuple of Robot
-        Who stood about.
-    """
-
-    frame: UInt8Array
-    camera: Camera
-    robot: Pose2
-    others: tuple[Robot, ...]
+    frame: UInt8Array  #: (H, W, 3) uint8: the picture
+    camera: Camera  #: as it truly was held
+    robot: Pose2  #: where it truly was
+    others: tuple[Robot, ...]  #: who stood about
 
     def pixels_of(self, places_m: FloatArray) -> FloatArray:
         """Pixels (N, 2) of places (N, 2) of the field; NaN where they are out of view, or somebody may hide them."""

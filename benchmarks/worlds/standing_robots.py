@@ -40,23 +40,14 @@ _RAYS = 64
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenRobot:
-    """A robot in view, robot frame of the one that looks.
+    """A robot in view, robot frame of the one that looks."""
 
-    Parameters
-    ----------
-    x_m, y_m, radius_m : float
-        Its middle, and its radius.
-    in_view : float
-        Fraction of its width whose foot is in the picture, before whatever else stands there.
-    error_m : float
-        What one pixel is on the floor along the bearing, at its foot.
-    """
-
+    #: its middle, and its radius
     x_m: float
     y_m: float
     radius_m: float
-    in_view: float
-    error_m: float
+    in_view: float  #: fraction of its width whose foot is in the picture, before whatever else stands there
+    error_m: float  #: what one pixel is on the floor along the bearing, at its foot
 
     @property
     def is_certain(self) -> bool:

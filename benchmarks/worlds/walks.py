@@ -31,46 +31,21 @@ SENSOR = Sensor(noise_sigma=3.0, blur_px=0.6, vignette=0.15)
 
 @dataclass(frozen=True, slots=True)
 class Walk:
-    """What is walked, by what, and what is wrong with it.
+    """What is walked, by what, and what is wrong with it."""
 
-    Parameters
-    ----------
-    field_name : str
-        The pitch.
-    camera : PinholeCamera
-        As the robot's file says: `tilt_rad` and `roll_rad` are means over the steps, pan 0.
-    speed_mps : float
-        Of the robot.
-    nod_rad, roll_rad : float
-        Standard deviation of the body's nod and roll.
-    robot_size_m : (float, float)
-        Radius and height of the other robots.
-    sensor : Sensor
-        Lens and sensor.
-    exposure_s : float
-        The head pans meanwhile: motion blur.
-    readout_s : float
-        From the first row to the last while the head pans: rolling shutter.
-    odometry_error : float
-        Greatest relative error of the odometry's scale.
-    pan_error_rad : float
-        Standard deviation of the head's reported pan.
-    robots : (int, int)
-        Least and greatest number of others.
-    """
-
-    field_name: str
-    camera: PinholeCamera
-    speed_mps: float
+    field_name: str  #: the pitch
+    camera: PinholeCamera  #: as the robot's file says: `tilt_rad` and `roll_rad` are means over the steps, pan 0
+    speed_mps: float  #: of the robot
+    #: standard deviation of the body's nod and roll
     nod_rad: float
     roll_rad: float
-    robot_size_m: tuple[float, float]
-    sensor: Sensor = SENSOR
-    exposure_s: float = 0.0
-    readout_s: float = 0.0
-    odometry_error: float = 0.05
-    pan_error_rad: float = 0.0
-    robots: tuple[int, int] = (7, 9)
+    robot_size_m: tuple[float, float]  #: radius and height of the other robots
+    sensor: Sensor = SENSOR  #: lens and sensor
+    exposure_s: float = 0.0  #: the head pans meanwhile: motion blur
+    readout_s: float = 0.0  #: from the first row to the last while the head pans: rolling shutter
+    odometry_error: float = 0.05  #: greatest relative error of the odometry's scale
+    pan_error_rad: float = 0.0  #: standard deviation of the head's reported pan
+    robots: tuple[int, int] = (7, 9)  #: least and greatest number of others
 
 
 def camera_ahead(
@@ -135,38 +110,20 @@ WALKS: dict[str, Walk] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WalkFrame:
-    """One picture with what the robot is told and what is true.
+    """One picture with what the robot is told and what is true."""
 
-    Parameters
-    ----------
-    t_s : float
-        When it was taken.
-    pan_rad : float
-        As the head reports it.
-    odometry : Pose2
-        Motion of the robot since the picture before, as it is told.
-    robot : Pose2
-        Where the robot truly is.
-    camera_pose : Pose2
-        The camera's foot and the heading of its optical axis, truly.
-    tilt_rad, roll_rad, height_m, pan_rate_rps : float
-        As the camera truly was.
-    scene : Scene
-        What truly is around it.
-    frame : (H, W, 3) uint8
-        The picture; empty before it is drawn.
-    """
-
-    t_s: float
-    pan_rad: float
-    odometry: Pose2
-    robot: Pose2
-    camera_pose: Pose2
+    t_s: float  #: when it was taken
+    pan_rad: float  #: as the head reports it
+    odometry: Pose2  #: motion of the robot since the picture before, as it is told
+    robot: Pose2  #: where the robot truly is
+    camera_pose: Pose2  #: the camera's foot and the heading of its optical axis, truly
+    #: as the camera truly was
     tilt_rad: float
     roll_rad: float
     height_m: float
     pan_rate_rps: float
-    scene: Scene
+    scene: Scene  #: what truly is around it
+    #: (H, W, 3) uint8: the picture; empty before it is drawn
     frame: npt.NDArray[np.uint8] = field(default_factory=lambda: np.empty(0, dtype=np.uint8))
 
     @property

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.scores.photograph_balls import continued
 from benchmarks.scores.photograph_consistency import mean_errors, nees
 from benchmarks.scores.photograph_floor import walls_near_m
-from benchmarks.worlds.error_law import MATCHED, ErrorLaw
+from benchmarks.worlds.uncertain_robot import MATCHED, ErrorLaw
 from field_models import load_field
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.scene import Scene
