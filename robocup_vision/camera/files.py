@@ -17,7 +17,7 @@ from robocup_vision.camera.omni import BOUNDED_KEYS as OMNI_KEYS
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import BOUNDED_KEYS as PINHOLE_KEYS
 from robocup_vision.camera.pinhole import DISTORTION_LENGTHS, PinholeCamera
-from robocup_vision.files.text_files import write_lines
+from robocup_vision.files.text_files import toml_lines, write_lines
 
 Camera: TypeAlias = Union[OmniCamera, PinholeCamera]  # noqa: UP007  (evaluated, on 3.10 too)
 Positive = Annotated[float, msgspec.Meta(gt=0)]
@@ -111,25 +111,19 @@ def load_camera(path: str | Path) -> Camera:
     if model is ...:
         refuse_other_kind(path, raw, _PinholeFile)
         raise FileError(path, "is missing", key="model")
-    if model == "pinhole":
-        described = convert(path, raw, _PinholeFile)
-        _check_bounds(path, described, PINHOLE_KEYS)
-        pinhole = _build_pinhole(path, described)
-        check_pinhole(path, pinhole)
-        return pinhole
-    if model == "fisheye":
-        lens = convert(path, raw, _FisheyeFile)
-        _check_bounds(path, lens, PINHOLE_KEYS)
-        fisheye = _build_fisheye(path, lens)
-        check_pinhole(path, fisheye)
-        return fisheye
-    if model != "omni":
+    if model == "omni":
+        mirror = convert(path, raw, _OmniFile)
+        _check_bounds(path, mirror, OMNI_KEYS)
+        omni = _build_omni(path, mirror)
+        _check_omni(path, omni)
+        return omni
+    if model not in ("pinhole", "fisheye"):
         raise FileError(path, "must be 'omni', 'pinhole' or 'fisheye'", key="model", value=model)
-    mirror = convert(path, raw, _OmniFile)
-    _check_bounds(path, mirror, OMNI_KEYS)
-    omni = _build_omni(path, mirror)
-    _check_omni(path, omni)
-    return omni
+    lens = convert(path, raw, _PinholeFile) if model == "pinhole" else convert(path, raw, _FisheyeFile)
+    _check_bounds(path, lens, PINHOLE_KEYS)
+    camera = _build_fisheye(path, lens) if isinstance(lens, _FisheyeFile) else _build_pinhole(path, lens)
+    check_pinhole(path, camera)
+    return camera
 
 
 def _check_bounds(path: str | Path, described: _OmniFile | _ForwardFile, keys: tuple[str, ...]) -> None:
@@ -144,9 +138,9 @@ def _check_bounds(path: str | Path, described: _OmniFile | _ForwardFile, keys: t
 def _build_omni(path: str | Path, f: _OmniFile) -> OmniCamera:
     curve: FloorRange
     if isinstance(f.floor_range, _HyperboloidFile):
-        curve = Hyperboloid(f.floor_range.A_px_per_m, f.floor_range.B_per_m, f.floor_range.C_px2)
+        curve = Hyperboloid(**_keys_of(f.floor_range))
     elif isinstance(f.floor_range, _TangentFile):
-        curve = Tangent(f.floor_range.a_m, f.floor_range.b_per_px)
+        curve = Tangent(**_keys_of(f.floor_range))
     else:
         if len(f.floor_range.radius_px) != len(f.floor_range.range_m):
             raise FileError(
@@ -169,17 +163,7 @@ def _build_omni(path: str | Path, f: _OmniFile) -> OmniCamera:
         raise FileError(path, "is needed when tilt_rad is not zero", key="viewpoint_height_m")
     if max(abs(t) for t in f.tilt_rad) > 0.3:
         raise FileError(path, "must be small (at most 0.3 rad)", key="tilt_rad", value=list(f.tilt_rad))
-    return OmniCamera(
-        size_px=f.size_px,
-        center_px=f.center_px,
-        usable_radius_px=f.usable_radius_px,
-        floor_range=curve,
-        mirrored=f.mirrored,
-        heading_rad=f.heading_rad,
-        offset_m=f.offset_m,
-        tilt_rad=f.tilt_rad,
-        viewpoint_height_m=f.viewpoint_height_m,
-    )
+    return OmniCamera(**_keys_of(f) | {"floor_range": curve})
 
 
 def _check_omni(path: str | Path, camera: OmniCamera) -> None:
@@ -220,7 +204,7 @@ def _check_center(path: str | Path, camera: Camera) -> None:
         raise FileError(path, f"lies outside the {width}x{height} image", key="center_px", value=list(camera.center_px))
 
 
-def _build_pinhole(path: str | Path, f: _PinholeFile) -> PinholeCamera:
+def _build_pinhole(path: str | Path, f: _ForwardFile) -> PinholeCamera:
     if len(f.distortion) not in DISTORTION_LENGTHS:
         raise FileError(path, "must have 0, 4, 5 or 8 coefficients", key="distortion", value=list(f.distortion))
     return PinholeCamera(**_keys_of(f))
@@ -239,7 +223,7 @@ def _build_fisheye(path: str | Path, f: _FisheyeFile) -> FisheyeCamera:
     return camera
 
 
-def _keys_of(f: _ForwardFile) -> dict[str, Any]:
+def _keys_of(f: StrictStruct) -> dict[str, Any]:
     return {key: getattr(f, key) for key in f.__struct_fields__ if key not in ("format", "model")}
 
 
@@ -286,56 +270,33 @@ def save_camera(camera: Camera, path: str | Path) -> None:
     ArgumentError
         If camera files do not support the kind of floor range.
     """
-    lines = _pinhole_lines(camera) if isinstance(camera, PinholeCamera) else _omni_lines(camera)
-    write_lines(path, lines)
+    write_lines(path, _omni_lines(camera) if isinstance(camera, OmniCamera) else _pinhole_lines(camera))
 
 
 def _pinhole_lines(camera: PinholeCamera) -> list[str]:
-    is_fisheye = isinstance(camera, FisheyeCamera)
-    lines = [
-        "format = 1",
-        f'model = "{"fisheye" if is_fisheye else "pinhole"}"',
-        f"size_px = {[int(v) for v in camera.size_px]}",
-        f"focal_px = {[float(v) for v in camera.focal_px]}",
-        f"center_px = {[float(v) for v in camera.center_px]}",
-        f"height_m = {float(camera.height_m)}",
-        f"distortion = {[float(v) for v in camera.distortion]}",
-        f"offset_m = {[float(v) for v in camera.offset_m]}",
-    ]
-    if isinstance(camera, FisheyeCamera):
-        lines.append(f'projection = "{camera.projection}"')
-        if camera.usable_radius_px is not None:
-            lines.append(f"usable_radius_px = {[float(v) for v in camera.usable_radius_px]}")
-    scalars = ("pan_rad", "tilt_rad", "roll_rad", "height_std_m", "focal_std_px", "roll_std_rad")
-    known = [(key, getattr(camera, key)) for key in scalars]
-    known.append(("tilt_std_rad", camera.tilt_std_rad))
-    known += [(key, getattr(camera, key)) for key in ("pan_std_rad", "readout_s") if getattr(camera, key)]
-    return lines + [f"{key} = {float(value)}" for key, value in known if value is not None]
+    model = _FisheyeFile if isinstance(camera, FisheyeCamera) else _PinholeFile
+    values = _values(camera, model)
+    for key in ("pan_std_rad", "readout_s"):
+        values[key] = values[key] or None
+    return toml_lines({"format": 1, "model": "fisheye" if model is _FisheyeFile else "pinhole", **values})
 
 
 def _omni_lines(camera: OmniCamera) -> list[str]:
-    lines = ["format = 1", 'model = "omni"']
-    lines += [
-        f"size_px = {[int(v) for v in camera.size_px]}",
-        f"center_px = {[float(v) for v in camera.center_px]}",
-        f"usable_radius_px = {[float(v) for v in camera.usable_radius_px]}",
-        f"mirrored = {str(camera.mirrored).lower()}",
-        f"heading_rad = {float(camera.heading_rad)}",
-        f"offset_m = {[float(v) for v in camera.offset_m]}",
-        f"tilt_rad = {[float(v) for v in camera.tilt_rad]}",
-    ]
-    if camera.viewpoint_height_m is not None:
-        lines.append(f"viewpoint_height_m = {float(camera.viewpoint_height_m)}")
-    lines += ["", "[floor_range]"]
     curve = camera.floor_range
     if isinstance(curve, Hyperboloid):
-        lines += ['kind = "hyperboloid"', f"A_px_per_m = {float(curve.A_px_per_m)}"]
-        lines += [f"B_per_m = {float(curve.B_per_m)}", f"C_px2 = {float(curve.C_px2)}"]
+        described = {"kind": "hyperboloid", **_values(curve, _HyperboloidFile)}
     elif isinstance(curve, Tangent):
-        lines += ['kind = "tangent"', f"a_m = {float(curve.a_m)}", f"b_per_px = {float(curve.b_per_px)}"]
+        described = {"kind": "tangent", **_values(curve, _TangentFile)}
     elif isinstance(curve, Table):
-        lines += ['kind = "table"', f"radius_px = {curve.table_radius_px.tolist()}"]
-        lines.append(f"range_m = {curve.table_range_m.tolist()}")
+        pairs = {"radius_px": curve.table_radius_px.tolist(), "range_m": curve.table_range_m.tolist()}
+        described = {"kind": "table", **pairs}
     else:
         raise ArgumentError(f"a camera file cannot hold a floor range of type {type(curve).__name__}")
-    return lines
+    lines = toml_lines({"format": 1, "model": "omni", **_values(camera, _OmniFile)})
+    return [*lines, "", "[floor_range]", *toml_lines(described)]
+
+
+def _values(value: object, described: type[StrictStruct]) -> dict[str, Any]:
+    """Return what a file says of a camera or curve."""
+    keys = (key for key in described.__struct_fields__ if key not in ("format", "model", "floor_range"))
+    return {key: getattr(value, key) for key in keys}

@@ -16,6 +16,7 @@ import cv2
 from field_models.errors import FileError
 from field_models.near_names import did_you_mean
 from robocup_vision.camera.pinhole import DISTORTION_LENGTHS
+from robocup_vision.files.text_files import read_text
 
 # names in ROS and Kalibr, and in OpenCV, of the projection of Kannala and Brandt
 _FISHEYE = ("equidistant", "fisheye")
@@ -120,12 +121,7 @@ class _Yaml:
     @classmethod
     def read(cls, path: str | Path) -> _Yaml:
         path = Path(path)
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except OSError as error:
-            raise FileError(path, f"cannot be read ({error.strerror or error})") from None
-        except UnicodeDecodeError:
-            raise FileError(path, "is not UTF-8 text") from None
+        text = read_text(path)
         own = text.lstrip().startswith("%YAML")
         if not own:
             # OpenCV needs lists that are indented more than their key, and a single document

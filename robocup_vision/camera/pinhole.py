@@ -208,11 +208,7 @@ class PinholeCamera:
 
     def with_orientation(self, pan_rad: float | None, tilt_rad: float | None, roll_rad: float | None) -> PinholeCamera:
         """Return this camera with another orientation; None if unknown."""
-        # called at least once in every frame: without checks, and with the same tables of the lens
-        other = object.__new__(type(self))
-        vars(other).update(vars(self), pan_rad=pan_rad, tilt_rad=tilt_rad, roll_rad=roll_rad)
-        vars(other).pop("camera_to_robot", None)
-        return other
+        return self._with_mounting({"pan_rad": pan_rad, "tilt_rad": tilt_rad, "roll_rad": roll_rad})
 
     def held(self, mounting: Mounting) -> PinholeCamera:
         """Return this camera with the mounting of a frame."""
@@ -227,6 +223,7 @@ class PinholeCamera:
         return all(getattr(self, name) == getattr(other, name) for name in _MOUNTING_BUT_PAN)
 
     def _with_mounting(self, values: Mapping[str, float | None]) -> PinholeCamera:
+        # called at least once in every frame: without checks, and with the same tables of the lens
         other = object.__new__(type(self))
         vars(other).update(vars(self))
         vars(other).update(values)

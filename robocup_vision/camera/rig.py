@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from field_models.errors import ArgumentError, FileError
 from field_models.toml_file import StrictStruct, convert, read_toml
 from robocup_vision.camera.files import Camera, load_camera, save_camera
 from robocup_vision.camera.pinhole import PinholeCamera
-from robocup_vision.files.text_files import write_lines
+from robocup_vision.files.text_files import toml_lines, write_lines
 
 # the memory of the pose filter for motion; greater values are probably in milliseconds
 _MAX_LATENCY_S = 1.0
@@ -129,9 +128,7 @@ def save_rig(rig: Rig, path: str | Path) -> None:
     names = [f"{name}.toml" for name in rig.names]
     for name, camera in zip(names, rig.cameras, strict=True):
         save_camera(camera, Path(path).parent / name)
-    listed = ", ".join(json.dumps(name) for name in names)
-    lines = ["format = 1", f"cameras = [{listed}]", f"latency_s = {[float(one) for one in rig.latency_s]}"]
-    write_lines(path, lines)
+    write_lines(path, toml_lines({"format": 1, "cameras": names, "latency_s": rig.latency_s}))
 
 
 def load_camera_or_rig(path: str | Path) -> Camera | Rig:

@@ -18,6 +18,7 @@ from PIL import Image, UnidentifiedImageError
 from field_models.errors import FileError
 from robocup_vision.evaluation.boxes import Box
 from robocup_vision.files.images import IMAGE_SUFFIXES
+from robocup_vision.files.text_files import read_text
 
 _CLASSES = "classes.txt"
 _TORSO_NAME = "annotations.yaml"
@@ -58,7 +59,7 @@ def read_yolo(folder: str | Path, images: str | Path, names: str | Path | None =
     if not images.is_dir():
         raise FileError(images, "is not a folder of images")
     names_path = _class_names_path(folder, names)
-    kinds = [line.strip() for line in _text(names_path).splitlines() if line.strip()]
+    kinds = [line.strip() for line in read_text(names_path).splitlines() if line.strip()]
     files = {path.stem: path for path in sorted(images.iterdir()) if path.suffix.lower() in IMAGE_SUFFIXES}
     labels = [path for path in sorted(folder.glob("*.txt")) if path.resolve() != names_path.resolve()]
     if not labels:
@@ -70,7 +71,7 @@ def read_yolo(folder: str | Path, images: str | Path, names: str | Path | None =
         image = files[path.stem]
         size = _size_px(image)
         boxes = found.boxes.setdefault(image.name, [])
-        for number, line in enumerate(_text(path).splitlines(), start=1):
+        for number, line in enumerate(read_text(path).splitlines(), start=1):
             if line.strip():
                 boxes.append(_yolo_box(path, number, line, kinds, size))
     return found
@@ -110,7 +111,7 @@ def read_coco(path: str | Path) -> ImportedBoxes:
     """
     path = Path(path)
     try:
-        values = json.loads(_text(path))
+        values = json.loads(read_text(path))
     except json.JSONDecodeError as error:
         raise FileError(path, f"is not JSON ({error})") from None
     images = _by_id(path, values, "images", ("file_name", "width", "height"))
@@ -169,7 +170,7 @@ def read_torso_21(path: str | Path) -> ImportedBoxes:
     path = Path(path)
     path = path / _TORSO_NAME if path.is_dir() else path
     found, left_out = ImportedBoxes(), 0
-    for image in _torso_images(_text(path).splitlines()):
+    for image in _torso_images(read_text(path).splitlines()):
         boxes = found.boxes.setdefault(image.name, [])
         size = (image.size.get("width", 0), image.size.get("height", 0))
         for label in image.labels:
@@ -248,15 +249,6 @@ def _size_px(image: Path) -> tuple[int, int]:
             return opened.size
     except (OSError, UnidentifiedImageError):
         raise FileError(image, "is no image that can be read") from None
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise FileError(path, f"cannot be read ({error.strerror or error})") from None
-    except UnicodeDecodeError:
-        raise FileError(path, "is not UTF-8 text") from None
 
 
 READERS: Mapping[str, Callable[..., ImportedBoxes]] = {"yolo": read_yolo, "coco": read_coco, "torso-21": read_torso_21}

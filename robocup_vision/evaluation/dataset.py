@@ -38,7 +38,7 @@ from robocup_vision.evaluation.rig_images import (
     rig_mask_paths,
 )
 from robocup_vision.files.csv_table import CsvRow, read_csv
-from robocup_vision.files.image_folder import no_pictures, picture_folder
+from robocup_vision.files.image_folder import no_pictures, picture_folder, pictures_in
 from robocup_vision.files.images import IMAGE_SUFFIXES, orientation_note, other_pictures, read_image, read_mask
 from robocup_vision.files.video import VideoInfo, read_video, video_info
 from robocup_vision.geometry import Pose2
@@ -368,11 +368,7 @@ def _find_images(
         raise FileError(path, "does not exist", key=key, value=value)
     if source.is_dir():
         mask = None if mask_path is None else mask_path.resolve()
-        names = sorted(
-            entry.name
-            for entry in source.iterdir()
-            if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".") and entry.resolve() != mask
-        )
+        names = [picture.name for picture in pictures_in(source) if picture.resolve() != mask]
         if not names:
             raise FileError(path, no_pictures(source), key=key, value=value)
         return tuple(names), None, (*_left_out_note(source), *orientation_note(source, names))

@@ -10,7 +10,8 @@ from field_models.errors import FileError, FrameError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.rig import Rig
 from robocup_vision.files.csv_table import read_csv
-from robocup_vision.files.images import IMAGE_SUFFIXES, decode_image, file_bytes
+from robocup_vision.files.image_folder import pictures_in
+from robocup_vision.files.images import decode_image, file_bytes
 from robocup_vision.geometry import Pose2
 
 RigImages: TypeAlias = tuple[UInt8Array | None, ...]
@@ -32,11 +33,7 @@ def find_rig_images(path: Path, source: Path, rig: Rig) -> tuple[str, ...]:
         folder = source / camera
         if not folder.is_dir():
             raise FileError(path, f"has no folder {camera} of that camera's images", key="images", value=source.name)
-        names |= {
-            entry.name
-            for entry in folder.iterdir()
-            if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
-        }
+        names |= {picture.name for picture in pictures_in(folder)}
     if not names:
         raise FileError(path, "has no image in the folders of its cameras", key="images", value=source.name)
     return tuple(sorted(names))

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from field_models.errors import FileError
+from robocup_vision.files.text_files import read_text
 from robocup_vision.geometry import Pose2
 
 
@@ -76,15 +78,8 @@ def read_csv(
     """
     path = Path(path)
     try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream)
-            lines = [
-                (reader.line_num, [cell.strip() for cell in cells]) for cells in reader if any(map(str.strip, cells))
-            ]
-    except OSError as error:
-        raise FileError(path, f"cannot be read ({error.strerror or error})") from None
-    except UnicodeDecodeError:
-        raise FileError(path, "is not UTF-8 text") from None
+        reader = csv.reader(io.StringIO(read_text(path), newline=""))
+        lines = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader if any(map(str.strip, cells))]
     except csv.Error as error:
         raise FileError(path, f"is not a valid CSV file ({error})") from None
     if not lines:

@@ -10,6 +10,8 @@ from field_models.errors import FileError, FrameError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.files.images import IMAGE_SUFFIXES, orientation_note, other_pictures, read_image
 
+_KINDS = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
+
 
 class ImageFiles(Sequence[UInt8Array]):
     """Image files as a sequence of frames.
@@ -76,11 +78,10 @@ def _image_files(path: Path) -> list[Path]:
         raise FileError(path, "does not exist")
     if not path.is_dir():
         if path.suffix.lower() not in IMAGE_SUFFIXES:
-            kinds = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
-            raise FileError(path, f"is no image file ({kinds})")
+            raise FileError(path, f"is no image file ({_KINDS})")
         return [path]
     folder = picture_folder(path)
-    files = [file for file in _pictures(folder) if file.stem != "mask"]
+    files = [file for file in pictures_in(folder) if file.stem != "mask"]
     if not files:
         raise FileError(path, no_pictures(folder))
     return files
@@ -89,22 +90,22 @@ def _image_files(path: Path) -> list[Path]:
 def picture_folder(path: Path) -> Path:
     """Return where a folder's images are: in its ``images``, if it is a dataset's or has none itself."""
     inner = path / "images"
-    if path.is_dir() and inner.is_dir() and ((path / "dataset.toml").is_file() or not _pictures(path)):
+    if path.is_dir() and inner.is_dir() and ((path / "dataset.toml").is_file() or not pictures_in(path)):
         return inner
     return path
 
 
 def no_pictures(folder: Path) -> str:
     """Say that a folder has no images, and which of its folders have some."""
-    kinds = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
-    inner = [entry.name for entry in sorted(folder.iterdir()) if entry.is_dir() and _pictures(entry)]
+    inner = [entry.name for entry in sorted(folder.iterdir()) if entry.is_dir() and pictures_in(entry)]
     there = f"; there are some in {', '.join(inner[:3])}" if inner else ""
     others = other_pictures(folder)
     left = f"; {len(others)} pictures of other kinds, the first: {others[0]}" if others else ""
-    return f"no images found in this folder ({kinds}){there}{left}"
+    return f"no images found in this folder ({_KINDS}){there}{left}"
 
 
-def _pictures(folder: Path) -> list[Path]:
+def pictures_in(folder: Path) -> list[Path]:
+    """Return the images of a folder in the order of their names, without hidden files."""
     return sorted(
         entry for entry in folder.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES and not entry.name.startswith(".")
     )
