@@ -23,15 +23,6 @@ _MAX_LATENCY_S = 1.0
 class Rig:
     """Forward cameras, pinhole or fisheye, fixed to one body.
 
-    Parameters
-    ----------
-    cameras : tuple of PinholeCamera
-        Each with its own `offset_m` and `pan_rad`.
-    latency_s : tuple of float
-        Time from each camera's exposure to the time stamp of its frame; empty for all 0.
-    names : tuple of str
-        Names of the cameras in messages; empty for "camera 0", "camera 1" and so on.
-
     Raises
     ------
     ArgumentError
@@ -39,9 +30,10 @@ class Rig:
         orientation, or the number of latencies or names differs from that of the cameras.
     """
 
-    cameras: tuple[PinholeCamera, ...]
+    cameras: tuple[PinholeCamera, ...]  #: each with its own `offset_m` and `pan_rad`
+    #: time from each camera's exposure to the time stamp of its frame; empty for all 0
     latency_s: tuple[float, ...] = ()
-    names: tuple[str, ...] = ()
+    names: tuple[str, ...] = ()  #: names of the cameras in messages; empty for "camera 0", "camera 1" and so on
 
     def __post_init__(self) -> None:
         cameras = tuple(self.cameras)

@@ -2,8 +2,8 @@
 
 Other packages register their commands beside these.
 A command is a function that adds its parser to the subparsers of an argparse parser and sets the parser's default `run`
-to a function of the parsed arguments, which returns the exit status. A package registers it as an entry point of the
-group `robocup_vision.commands`.
+to a function of the parsed arguments, which returns the exit status or raises `RobocupVisionError`. A package registers
+it as an entry point of the group `robocup_vision.commands`.
 """
 
 from __future__ import annotations

@@ -50,13 +50,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_camera(args: argparse.Namespace) -> int:
-    """Write a camera file; return 0.
-
-    Raises
-    ------
-    RobocupVisionError
-        If the calibration cannot be read, or is of a lens that a camera file cannot hold.
-    """
+    """Write a camera file; return 0."""
     from field_models.errors import ArgumentError
     from robocup_vision.camera import FisheyeCamera, Mounting, PinholeCamera, save_camera
     from robocup_vision.camera.files import check_pinhole

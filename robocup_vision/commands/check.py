@@ -25,13 +25,7 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
 
 
 def run_check(args: argparse.Namespace) -> int:
-    """Check a dataset and print what was found; return 0 if nothing is wrong, else 1.
-
-    Raises
-    ------
-    RobocupVisionError
-        If its files cannot be read at all.
-    """
+    """Check a dataset and print what was found; return 0 if nothing is wrong, else 1."""
     from robocup_vision.calibration.check import check_dataset
     from robocup_vision.evaluation.dataset import load_dataset
 

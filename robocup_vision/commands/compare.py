@@ -28,13 +28,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run_compare(options: argparse.Namespace) -> int:
-    """Compare two evaluations; return 0.
-
-    Raises
-    ------
-    RobocupVisionError
-        If something in the files is wrong.
-    """
+    """Compare two evaluations; return 0."""
     from field_models.errors import ArgumentError
     from robocup_vision.evaluation.comparison import compare, figure_rows, load_evaluation, render_comparison
     from robocup_vision.evaluation.report import missing_packages

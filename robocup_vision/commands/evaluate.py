@@ -75,13 +75,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run_evaluate(options: argparse.Namespace) -> int:
-    """Score a dataset; return 0, or 2 after one line on standard error if an image could not be used.
-
-    Raises
-    ------
-    RobocupVisionError
-        If something in the files is wrong.
-    """
+    """Score a dataset; return 0, or 2 after one line on standard error if an image could not be used."""
     from field_models.errors import ArgumentError
     from robocup_vision.recording.bags.bag import is_bag
 

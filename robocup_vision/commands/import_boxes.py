@@ -30,13 +30,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run_import_boxes(args: argparse.Namespace) -> int:
-    """Write boxes.csv; return 0.
-
-    Raises
-    ------
-    RobocupVisionError
-        If the labels cannot be read, or a box is outside its picture.
-    """
+    """Write boxes.csv; return 0."""
     from collections import Counter
 
     from robocup_vision.evaluation.box_import import READERS

@@ -1,7 +1,7 @@
 """Option types of the commands (a count, a seed, an angle), and the options that say which workers do a run.
 
-Values are refused while the command line is parsed, before a file is read. Loads nothing, so that --help answers at
-once.
+Values are refused (`ArgumentTypeError`) while the command line is parsed, before a file is read. Loads nothing, so that
+--help answers at once.
 """
 
 from __future__ import annotations
@@ -19,13 +19,7 @@ NEGATIVE_ANGLE = re.compile(r"^-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?(deg|rad)?$")
 
 
 def count(text: str) -> int:
-    """Parse a number of things; a type for ``add_argument``.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If it is less than 1, or no whole number.
-    """
+    """Parse a number of things, at least 1; a type for ``add_argument``, as those below."""
     value = _whole(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"must be at least 1, got {value}")
@@ -33,13 +27,7 @@ def count(text: str) -> int:
 
 
 def seed(text: str) -> int:
-    """Parse a seed; a type for ``add_argument``.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If it is negative, or no whole number.
-    """
+    """Parse a seed, which is not negative."""
     value = _whole(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"must not be negative, got {value}")
@@ -47,13 +35,7 @@ def seed(text: str) -> int:
 
 
 def angle(text: str) -> float:
-    """Parse an angle, radians: a number of radians, or of degrees with "deg" behind it.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If it is neither, or a number of radians that is more than a turn.
-    """
+    """Parse an angle, radians: a number of radians within a turn, or of degrees with "deg" behind it."""
     number, in_degrees = text.removesuffix("deg").removesuffix("rad"), text.endswith("deg")
     try:
         value = float(number)
@@ -67,13 +49,7 @@ def angle(text: str) -> float:
 
 
 def size(text: str) -> tuple[int, int]:
-    """Parse the size of images, such as 640x480.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If it is none.
-    """
+    """Parse the size of images, such as 640x480."""
     width, _, height = text.partition("x")
     if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
         raise argparse.ArgumentTypeError(f"must be width and height in pixels, such as 640x480, got {text!r}")
@@ -97,13 +73,7 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
 
 
 def chosen_workers(options: argparse.Namespace) -> Workers:
-    """Return the workers that the options name.
-
-    Raises
-    ------
-    ArgumentError
-        If the number of processes is not positive, or dask.distributed is not installed.
-    """
+    """Return the workers that the options name."""
     from robocup_vision.workers import find_workers
 
     return find_workers(options.jobs, options.dask)

@@ -32,13 +32,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run_record(options: argparse.Namespace) -> int:
-    """Record; return 0, or 2 after one line on standard error if frames could not be used.
-
-    Raises
-    ------
-    RobocupVisionError
-        If something in the files is wrong, or the source cannot be opened.
-    """
+    """Record; return 0, or 2 after one line on standard error if frames could not be used."""
     import os
     import sys
     from contextlib import ExitStack, closing

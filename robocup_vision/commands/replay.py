@@ -30,13 +30,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run_replay(options: argparse.Namespace) -> int:
-    """Replay a recording; return 0, or 1 if it ran as recorded and something differs.
-
-    Raises
-    ------
-    RobocupVisionError
-        If something in the files is wrong.
-    """
+    """Replay a recording; return 0, or 1 if it ran as recorded and something differs."""
     from field_models.catalog import load_field
     from robocup_vision.camera.files import load_camera
     from robocup_vision.evaluation.result_files import prepare_folder

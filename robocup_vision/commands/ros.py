@@ -63,13 +63,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run_ros(options: argparse.Namespace) -> int:
-    """Run the node until it is interrupted; return 0.
-
-    Raises
-    ------
-    RobocupVisionError
-        If something is missing or an option is wrong.
-    """
+    """Run the node until it is interrupted; return 0."""
     from robocup_vision.ros.bridge import run_node
     from robocup_vision.ros.settings import NodeSettings
 

@@ -28,13 +28,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run_warm_up(options: argparse.Namespace) -> int:
-    """Compile all loops and print how many there are, or which wheel holds them; return 0.
-
-    Raises
-    ------
-    RobocupVisionError
-        If a process dies; as `compile_wheel` does.
-    """
+    """Compile all loops and print how many there are, or which wheel holds them; return 0."""
     import time
     from concurrent.futures import as_completed
     from concurrent.futures.process import BrokenProcessPool

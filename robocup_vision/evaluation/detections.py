@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -187,8 +187,3 @@ def _figures(kind: str, every: list[Detection]) -> KindFigures:
         kind_reported=sum(one.reported_kind is not None for one in hits) if kind in KIND_OF_BOX else None,
         kind_right=sum(one.reported_kind == KIND_OF_BOX[kind] for one in hits) if kind in KIND_OF_BOX else None,
     )
-
-
-def figures_json(figures: dict[str, KindFigures] | None) -> dict[str, dict[str, Any]] | None:
-    """Return the figures of each kind as JSON values; None where nothing was marked."""
-    return None if figures is None else {kind: asdict(one) for kind, one in figures.items()}

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import time
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
+from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -16,7 +17,7 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation.boxes import Box
-from robocup_vision.evaluation.dataset import Dataset, Truth
+from robocup_vision.evaluation.dataset import Dataset, FrameTime, Truth
 from robocup_vision.evaluation.detections import BALL, OBSTACLE, match_boxes
 from robocup_vision.evaluation.overlays import WorstSoFar, encode_jpeg, error_crops
 from robocup_vision.evaluation.result_files import FrameResult
@@ -178,7 +179,8 @@ class FrameScorer:
         """Score one frame; an error of any kind becomes its row's reason."""
         image = job.image
         row = Row(image, truth=job.truth)
-        t_s, odometry = self._motion(image)
+        time = None if self.plan.dataset.times is None else self.plan.dataset.times[image]
+        odometry = self._odometry(time)
         if isinstance(frame, FrameError):
             self._unused_odometry = odometry
             reason = _one_line(str(frame).removeprefix(f"{image}: "))
@@ -186,16 +188,20 @@ class FrameScorer:
         self._unused_odometry = Pose2(0.0, 0.0, 0.0)
         view = None
         try:
-            if self.plan.dataset.times is None:
-                self._vision.forget()
-            started_s = time.perf_counter()
             # a rig's localiser takes frames and times of several cameras
             shown: Any = frame
-            view = self._vision.look(shown, t_s=self._times(image, t_s), odometry=odometry, **self._mounting(image))
-            row = replace(row, time_s=time.perf_counter() - started_s)
+            taken: dict[str, Any] = {"t_s": None, "odometry": odometry}
+            if time is None:
+                self._vision.forget()
+            else:
+                taken["t_s"] = time.t_s if time.camera_times_s is None else time.camera_times_s
+                taken |= {} if time.mounting is None else {"mounting": time.mounting}
+            started_s = perf_counter()
+            view = self._vision.look(shown, **taken)
+            row = replace(row, time_s=perf_counter() - started_s)
             row = self._score(row, self._pose(view))
             if self._steering is not None:
-                row = replace(row, steering=self._steering.steer(view, t_s, odometry))
+                row = replace(row, steering=self._steering.steer(view, None if time is None else time.t_s, odometry))
             if self.plan.dataset.boxes is not None:
                 row = replace(
                     row, detections=match_boxes(view, job.boxes, self.plan.dataset.field, self.plan.reported_kinds)
@@ -206,22 +212,11 @@ class FrameScorer:
                 self._vision.forget()  # its state after an error is unknown
         return self._picture(job.number, row, view, frame)
 
-    def _mounting(self, image: str) -> dict[str, Any]:
-        time = None if self.plan.dataset.times is None else self.plan.dataset.times[image]
-        return {} if time is None or time.mounting is None else {"mounting": time.mounting}
-
-    def _times(self, image: str, t_s: float | None) -> Any:
-        time = None if self.plan.dataset.times is None else self.plan.dataset.times[image]
-        return t_s if time is None or time.camera_times_s is None else time.camera_times_s
-
-    def _motion(self, image: str) -> tuple[float | None, Pose2 | None]:
-        if self.plan.dataset.times is None:
-            return None, None
-        now = self.plan.dataset.times[image]
-        # the step since the last frame that was looked at, over any that could not be
-        if now.odometry is None or self._unused_odometry is None:
-            return now.t_s, None
-        return now.t_s, self._unused_odometry.compose(now.odometry)
+    def _odometry(self, time: FrameTime | None) -> Pose2 | None:
+        """Return the step since the last frame that was looked at, over any that could not be."""
+        if time is None or time.odometry is None or self._unused_odometry is None:
+            return None
+        return self._unused_odometry.compose(time.odometry)
 
     def _score(self, row: Row, pose: PoseEstimate | NotLocated) -> Row:
         if not isinstance(pose, PoseEstimate):
@@ -322,7 +317,7 @@ def score_images(
         return in_order(run_pieces(lambda: scorer.score_file, jobs, workers))
     # so few that they end together, so many that handing them out takes no time to speak of
     batch = min(max(len(dataset.image_names) // _MIN_BATCHES, 1), _MAX_BATCH)
-    start = _StartScorer(scorer.plan.without_images())
+    start = partial(_start_scorer, scorer.plan.without_images())
     return in_order(run_pieces(start, jobs, workers, batch=batch, describe=lambda job: f"image {job.image}"))
 
 
@@ -335,9 +330,5 @@ def _content(dataset: Dataset, name: str) -> bytes | RigContents | FrameError:
         return error
 
 
-@dataclass(frozen=True, slots=True)
-class _StartScorer:
-    plan: ScorePlan
-
-    def __call__(self) -> Callable[[ImageJob], FrameResult]:
-        return FrameScorer(self.plan).score_file
+def _start_scorer(plan: ScorePlan) -> Callable[[ImageJob], FrameResult]:
+    return FrameScorer(plan).score_file

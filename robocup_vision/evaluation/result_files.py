@@ -9,13 +9,13 @@ import csv
 import hashlib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from robocup_vision.closing import Closing
 from robocup_vision.evaluation.dataset import Dataset, FrameTime
-from robocup_vision.evaluation.detections import KindFigures, figures_json
+from robocup_vision.evaluation.detections import KindFigures
 from robocup_vision.evaluation.overlays import Crop
 from robocup_vision.evaluation.scoring import Figures, Row, pose_error
 from robocup_vision.evaluation.steering import SteerPlan
@@ -193,7 +193,8 @@ def write_summary(
     detections : dict of str to KindFigures, or None
         By kind; None where nothing is marked.
     """
-    known: dict[str, object] = {"method": method, "left_out": left_out, "detections": figures_json(detections)}
+    found = None if detections is None else {kind: asdict(one) for kind, one in detections.items()}
+    known: dict[str, object] = {"method": method, "left_out": left_out, "detections": found}
     values = {key: known[key] if key in known else getattr(figures, key) for key in SUMMARY_KEYS}
     write_json(path, values)
 
