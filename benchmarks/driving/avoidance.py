@@ -26,7 +26,7 @@ from robocup_vision.avoidance import Steering, SteeringSettings
 from robocup_vision.avoidance.steering import FreeRanges
 from sim2d.match.courses import Drive, cube_course, drive_course, nearest_seen_m, pocket_course
 from sim2d.rendering.cameras import sekimori_camera
-from sim2d.robot_link import RobotLimits
+from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 
 FIELD = load_field("ssl_2001")
 # m/s, m/s2; the first is the issue's
@@ -52,8 +52,8 @@ class DynamicWindow:
     anything along the way; of them, the one that best weighs heading, clearance and speed.
     """
 
-    def __init__(self, radius_m: float, limits: RobotLimits, period_s: float = 1 / 30) -> None:
-        self._radius_m, self._limits, self._period_s = radius_m, limits, period_s
+    def __init__(self, radius_m: float, limits: RobotLimits) -> None:
+        self._radius_m, self._limits = radius_m, limits
 
     def steer(
         self,
@@ -65,7 +65,7 @@ class DynamicWindow:
     ) -> Window:
         """Choose the next velocity."""
         limits = self._limits
-        reach = limits.acceleration_mps2 * self._period_s
+        reach = limits.acceleration_mps2 * CONTROL_PERIOD_S
         angle = np.arange(24) * (math.tau / 24)
         ring = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         tried = np.array(velocity_mps) + np.vstack([[[0.0, 0.0]], *(reach * part * ring for part in (0.5, 1.0))])
@@ -78,7 +78,7 @@ class DynamicWindow:
         along, aside = unit @ ends.T, np.abs(unit[:, :1] * ends[:, 1] - unit[:, 1:] * ends[:, 0])
         chord = np.sqrt(np.maximum(self._radius_m**2 - aside**2, 0.0))
         clear = np.where((aside < self._radius_m) & (along > 0), np.maximum(along - chord, 0.0), np.inf).min(axis=1)
-        late_s = limits.dead_time_s + self._period_s
+        late_s = limits.dead_time_s + CONTROL_PERIOD_S
         admissible = speed**2 / (2 * limits.acceleration_mps2) + speed * late_s <= clear
         admissible &= speed**2 / (2 * limits.acceleration_mps2) <= target_distance_m + 0.05
         if not admissible.any():

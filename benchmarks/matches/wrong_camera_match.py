@@ -12,6 +12,7 @@ before there was one. "file": players that do not calibrate. "exact": true camer
 from __future__ import annotations
 
 from argparse import Namespace
+from collections import Counter
 from dataclasses import dataclass, replace
 
 from benchmarks.harness import Table, percent, program, verdict
@@ -43,22 +44,9 @@ LEAGUES = {
 }
 
 
-@dataclass
-class Count:
-    """Control periods that are near, and all, settled and after a knock; knocks noticed, false, all; failed players."""
-
-    near: int = 0
-    settled: int = 0
-    near_after: int = 0
-    after: int = 0
-    noticed: int = 0
-    false: int = 0
-    knocks: int = 0
-    failed: int = 0
-
-
-def play(plan: MatchPlan, count: Count) -> None:
-    """Play a match and count."""
+def play(plan: MatchPlan) -> Counter[str]:
+    """Play a match; count control periods that are near, and all, settled and after a knock; knocks; failed players."""
+    count: Counter[str] = Counter()
     match, bound = plan.begin(), BOUNDS[plan.field]
     noticed: dict[int, int] = {}
     last_s = 0.0
@@ -69,22 +57,23 @@ def play(plan: MatchPlan, count: Count) -> None:
             if calibration is not None:
                 before = noticed.get(k, 0)
                 if last_s < match.arena.knock_s(k):
-                    count.false += calibration.knocks - before
+                    count["false"] += calibration.knocks - before
                 noticed[k] = calibration.knocks
             if last_s < SETTLED_S:
                 continue
             pose = robot.status.pose
             is_near = bound.holds(pose.pose if pose else None, truth.pose)
             if 0.0 <= last_s - match.arena.knock_s(k) < AFTER_KNOCK_S:
-                count.after += 1
-                count.near_after += is_near
+                count["after"] += 1
+                count["near_after"] += is_near
             else:
-                count.settled += 1
-                count.near += is_near
+                count["settled"] += 1
+                count["near"] += is_near
     came = [k for k in range(4) if match.arena.knock_s(k) < last_s - 1.0]
-    count.knocks += len(came)
-    count.failed += count_failed(match.figures)
-    count.noticed += sum(noticed.get(k, 0) > 0 for k in came)
+    count["knocks"] += len(came)
+    count["failed"] += count_failed(match.figures)
+    count["noticed"] += sum(noticed.get(k, 0) > 0 for k in came)
+    return count
 
 
 @program()
@@ -106,19 +95,19 @@ def main(arguments: Namespace) -> None:
         rows = {"exact": (exact, True), "file": (wrong, False), "calibrated": (wrong, True)}
         for row, (disturbances, calibrates) in rows.items():
             team = BuiltInTeam(settings=PlayerSettings(calibrates=calibrates))
-            count = Count()
+            count: Counter[str] = Counter()
             for index in range(matches):
                 plan = MatchPlan(name, 2, seconds, arguments.seed + index, team, team, disturbances=disturbances)
-                play(plan, count)
-            near = count.near / max(count.settled, 1)
-            ok = near >= league.min_near and not count.failed
+                count += play(plan)
+            near = count["near"] / max(count["settled"], 1)
+            ok = near >= league.min_near and not count["failed"]
             table.row(
                 name,
                 row,
                 percent(near),
-                percent(count.near_after / count.after) if count.after else "-",
-                f"{count.noticed} of {count.knocks}" if row == "calibrated" else "-",
-                f"{count.false}" if row == "calibrated" else "-",
-                count.failed,
-                verdict(ok) if row == "calibrated" or count.failed else "",
+                percent(count["near_after"] / count["after"]) if count["after"] else "-",
+                f"{count['noticed']} of {count['knocks']}" if row == "calibrated" else "-",
+                f"{count['false']}" if row == "calibrated" else "-",
+                count["failed"],
+                verdict(ok) if row == "calibrated" or count["failed"] else "",
             )

@@ -32,7 +32,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.tracking import MovingObjects
 
 FIELD = load_field("ssl_2001")
-FEW_FALSE = {"hits": 4, "window": 6, "patience": 10, "gate": 9.2, "tentative_patience": 1, "speed_mps": 1.0, "quiet": 5}
+FEW_FALSE = {**TUNED, "hits": 4, "window": 6, "patience": 10, "quiet": 5, "acceleration_mps2": 1.5}
 MORE_MOTA, FALSE_RATIO, MAX_MS = 0.02, 0.2, 2.0
 
 

@@ -6,6 +6,7 @@ detection that none has, are reported once `hits` of `window` frames had one, an
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -18,6 +19,8 @@ from scipy.optimize import linear_sum_assignment
 from robocup_vision.arrays import FloatArray
 
 Reports = list[tuple[int, FloatArray]]
+# how long a velocity lasts
+_STEADY_S = 1.0
 
 
 @dataclass
@@ -33,23 +36,22 @@ class _Track:
 class NearestNeighbours:
     """A global nearest neighbour."""
 
-    acceleration_mps2: float = 1.5
-    speed_mps: float = 0.7
-    steady_s: float = 1.0
-    hits: int = 3
-    window: int = 4
-    patience: int = 8
-    tentative_patience: int = 2
-    quiet: int = 1000
-    gate: float = 13.8
+    acceleration_mps2: float
+    speed_mps: float  #: standard deviation of a new track's
+    hits: int
+    window: int
+    patience: int
+    tentative_patience: int  #: of a track that is not reported yet
+    quiet: int  #: frames without a detection after which a track is not reported
+    gate: float  #: squared Mahalanobis distance
     tracks: list[_Track] = field(default_factory=list)
-    count: int = 0
+    numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))
 
     def update(self, seconds: float, places_m: FloatArray, spreads: FloatArray) -> Reports:
         """Take detections (M, 2) and covariances (M, 2, 2) in the field frame; (number, place) of each track."""
-        kept = math.exp(-seconds / self.steady_s)
+        kept = math.exp(-seconds / _STEADY_S)
         move = np.eye(4)
-        move[0, 2] = move[1, 3] = self.steady_s * (1 - kept)
+        move[0, 2] = move[1, 3] = _STEADY_S * (1 - kept)
         move[2, 2] = move[3, 3] = kept
         push = np.array([[seconds**2 / 2, 0.0], [0.0, seconds**2 / 2], [seconds, 0.0], [0.0, seconds]])
         cost = np.full((len(self.tracks), len(places_m)), 1e6)
@@ -78,85 +80,78 @@ class NearestNeighbours:
             t for t in self.tracks if any(t.hits[-(self.patience if t.confirmed else self.tentative_patience) :])
         ]
         for j in sorted(free):
-            self.count += 1
             covariance = np.diag([0.0, 0.0, self.speed_mps**2, self.speed_mps**2])
             covariance[:2, :2] = spreads[j]
-            self.tracks.append(_Track(self.count, np.array([*places_m[j], 0.0, 0.0]), covariance, [True]))
+            self.tracks.append(_Track(next(self.numbers), np.array([*places_m[j], 0.0, 0.0]), covariance, [True]))
         return [(t.number, t.mean[:2]) for t in self.tracks if t.confirmed and any(t.hits[-self.quiet :])]
 
 
-@dataclass(frozen=True)
-class StoneSoup:
-    """A tracker put together from stonesoup's parts, as its own examples do."""
+def stone_soup_reports(
+    joint: bool, seconds: float, frames: Sequence[tuple[FloatArray, FloatArray]]
+) -> list[Reports] | None:
+    """Return the tracks of each frame of places (M, 2) and covariances (M, 2, 2) by stonesoup; None: not installed.
 
-    joint: bool  #: JPDA; else GNN with 2D assignment
-    #: as those of `MovingObjects`
-    acceleration_mps2: float = 2.0
-    speed_mps: float = 0.7
-    #: detections until a track is reported, and frames without any after which it ends
-    hits: int = 3
-    patience: int = 5
-    gate: float = 3.0  #: Mahalanobis distance, not squared
-    #: for JPDA
-    detected: float = 0.8
-    clutter_per_m2: float = 0.2
+    The tracker is put together from its parts as its own examples do: JPDA (`joint`) or GNN with 2D assignment. Tracks
+    are reported after 3 detections, and end after as many frames without any as suits each best on other seeds.
+    """
+    try:
+        from stonesoup.dataassociator.neighbour import GNNWith2DAssignment
+        from stonesoup.dataassociator.probability import JPDAwithEHM2
+        from stonesoup.deleter.time import UpdateTimeStepsDeleter
+        from stonesoup.hypothesiser.distance import DistanceHypothesiser
+        from stonesoup.hypothesiser.probability import PDAHypothesiser
+        from stonesoup.initiator.simple import MultiMeasurementInitiator
+        from stonesoup.measures import Mahalanobis
+        from stonesoup.models.measurement.linear import LinearGaussian
+        from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantVelocity
+        from stonesoup.predictor.kalman import KalmanPredictor
+        from stonesoup.tracker.simple import MultiTargetMixtureTracker, MultiTargetTracker
+        from stonesoup.types.detection import Detection
+        from stonesoup.types.state import GaussianState
+        from stonesoup.updater.kalman import KalmanUpdater
+    except ImportError:
+        return None
+    # as those of `MovingObjects`
+    acceleration_mps2, speed_mps = 2.0, 0.7
+    # Mahalanobis distance, not squared; for JPDA: ratio detected, clutter
+    gate, detected, clutter_per_m2 = 3.0, 0.8, 0.2
+    noise = acceleration_mps2**2 * seconds
+    transition = CombinedLinearGaussianTransitionModel([ConstantVelocity(noise)] * 2)
+    predictor, updater = KalmanPredictor(transition), KalmanUpdater()
+    start = datetime(2001, 3, 5)
+    prior = GaussianState([[0.0]] * 4, np.diag([4.0, speed_mps**2, 4.0, speed_mps**2]), timestamp=start)
+    near: Any = DistanceHypothesiser(predictor, updater, Mahalanobis(), missed_distance=gate)
+    hypothesiser, associator, tracker = near, GNNWith2DAssignment, MultiTargetTracker
+    if joint:
+        hypothesiser = PDAHypothesiser(
+            predictor, updater, clutter_spatial_density=clutter_per_m2, prob_detect=detected,
+            prob_gate=0.99,
+        )  # fmt: skip
+        associator, tracker = JPDAwithEHM2, MultiTargetMixtureTracker
+    initiator = MultiMeasurementInitiator(
+        prior_state=prior,
+        deleter=UpdateTimeStepsDeleter(2),
+        data_associator=GNNWith2DAssignment(near),
+        updater=updater,
+        min_points=3,
+    )
 
-    def reports(self, seconds: float, frames: Sequence[tuple[FloatArray, FloatArray]]) -> list[Reports] | None:
-        """Return the tracks of each frame of places (M, 2) and covariances (M, 2, 2); None: it is not installed."""
-        try:
-            from stonesoup.dataassociator.neighbour import GNNWith2DAssignment
-            from stonesoup.dataassociator.probability import JPDAwithEHM2
-            from stonesoup.deleter.time import UpdateTimeStepsDeleter
-            from stonesoup.hypothesiser.distance import DistanceHypothesiser
-            from stonesoup.hypothesiser.probability import PDAHypothesiser
-            from stonesoup.initiator.simple import MultiMeasurementInitiator
-            from stonesoup.measures import Mahalanobis
-            from stonesoup.models.measurement.linear import LinearGaussian
-            from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantVelocity
-            from stonesoup.predictor.kalman import KalmanPredictor
-            from stonesoup.tracker.simple import MultiTargetMixtureTracker, MultiTargetTracker
-            from stonesoup.types.detection import Detection
-            from stonesoup.types.state import GaussianState
-            from stonesoup.updater.kalman import KalmanUpdater
-        except ImportError:
-            return None
-        noise = self.acceleration_mps2**2 * seconds
-        transition = CombinedLinearGaussianTransitionModel([ConstantVelocity(noise)] * 2)
-        predictor, updater = KalmanPredictor(transition), KalmanUpdater()
-        start = datetime(2001, 3, 5)
-        prior = GaussianState([[0.0]] * 4, np.diag([4.0, self.speed_mps**2, 4.0, self.speed_mps**2]), timestamp=start)
-        near: Any = DistanceHypothesiser(predictor, updater, Mahalanobis(), missed_distance=self.gate)
-        hypothesiser, associator, tracker = near, GNNWith2DAssignment, MultiTargetTracker
-        if self.joint:
-            hypothesiser = PDAHypothesiser(
-                predictor, updater, clutter_spatial_density=self.clutter_per_m2, prob_detect=self.detected,
-                prob_gate=0.99,
-            )  # fmt: skip
-            associator, tracker = JPDAwithEHM2, MultiTargetMixtureTracker
-        initiator = MultiMeasurementInitiator(
-            prior_state=prior,
-            deleter=UpdateTimeStepsDeleter(2),
-            data_associator=GNNWith2DAssignment(near),
-            updater=updater,
-            min_points=self.hits,
-        )
+    def seen() -> Iterator[tuple[datetime, set[Any]]]:
+        for index, (places, spreads) in enumerate(frames):
+            now = start + timedelta(seconds=index * seconds)
+            yield (
+                now,
+                {
+                    Detection(place[:, None], timestamp=now, measurement_model=LinearGaussian(4, (0, 2), spread))
+                    for place, spread in zip(places, spreads, strict=True)
+                },
+            )
 
-        def seen() -> Iterator[tuple[datetime, set[Any]]]:
-            for index, (places, spreads) in enumerate(frames):
-                now = start + timedelta(seconds=index * seconds)
-                yield (
-                    now,
-                    {
-                        Detection(place[:, None], timestamp=now, measurement_model=LinearGaussian(4, (0, 2), spread))
-                        for place, spread in zip(places, spreads, strict=True)
-                    },
-                )
-
-        numbers: dict[str, int] = {}
-        out = []
-        for _, tracks in tracker(
-            initiator, UpdateTimeStepsDeleter(self.patience), seen(), associator(hypothesiser), updater
-        ):
-            places = [(t.id, np.asarray(t.state_vector, dtype=float)[[0, 2], 0]) for t in tracks]
-            out.append([(numbers.setdefault(name, len(numbers)), at) for name, at in places])
-        return out
+    numbers: dict[str, int] = {}
+    out = []
+    for _, tracks in tracker(
+        initiator, UpdateTimeStepsDeleter(6 if joint else 5), seen(), associator(hypothesiser), updater
+    ):
+        places = [(t.id, np.asarray(t.state_vector, dtype=float)[[0, 2], 0]) for t in tracks]
+        out.append([(numbers.setdefault(name, len(numbers)), at) for name, at in places])
+    return out

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scipy.optimize import linear_sum_assignment
 
 from benchmarks.harness import Table, verdict
-from benchmarks.peers.tracking_peers import NearestNeighbours, Reports, StoneSoup
+from benchmarks.peers.tracking_peers import NearestNeighbours, Reports, stone_soup_reports
 from benchmarks.worlds.crowd import Frame
 from robocup_vision.arrays import FloatArray
 from robocup_vision.tracking import MovingObjects
@@ -104,6 +104,7 @@ TUNED = {
     "patience": 6,
     "gate": 9.2,
     "tentative_patience": 1,
+    "quiet": 1000,
     "acceleration_mps2": 2.0,
     "speed_mps": 1.0,
 }
@@ -128,9 +129,8 @@ def nearest_neighbours(frames: Sequence[Frame], settings: dict[str, float]) -> l
 
 
 def stone_soup(frames: Sequence[Frame], joint: bool) -> list[Reports] | None:
-    """Track with stonesoup, with the patience that suits each best on other seeds."""
-    peer = StoneSoup(joint, patience=6 if joint else 5)
-    return peer.reports(PERIOD_S, [in_field(f.detections, f.robot, f.robot_covariance) for f in frames])
+    """Track with stonesoup."""
+    return stone_soup_reports(joint, PERIOD_S, [in_field(f.detections, f.robot, f.robot_covariance) for f in frames])
 
 
 def tracker_row(table: Table, name: str, runs: int, of: Score | None, ok: bool | None = None) -> None:

@@ -33,7 +33,6 @@ class MarkingWorld:
     field_name: str  #: the pitch
     camera: Camera  #: as its file says; a forward one is held off by what the file states
     robot_size_m: tuple[float, float]  #: radius and height of others
-    noise: float = 3.0  #: of the sensor, grey levels
 
     @cached_property
     def field(self) -> Field:
@@ -141,7 +140,7 @@ def marked_frames(world: MarkingWorld, seed: int, count: int) -> Iterator[Marked
             room=Room(seed=int(rng.integers(2**31)), distance_m=float(rng.uniform(0.3, 1.5))),
             carpet_margin_m=0.3,
         )
-        camera, sensor = world.camera, Sensor(noise_sigma=world.noise, blur_px=0.6, vignette=0.1)
+        camera, sensor = world.camera, Sensor(noise_sigma=3.0, blur_px=0.6, vignette=0.1)
         if isinstance(camera, OmniCamera):
             assert mirror is not None
             light = mirror.render(scene, pose)

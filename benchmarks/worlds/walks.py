@@ -26,6 +26,8 @@ from sim2d.rendering.sensor import Sensor
 FORMAT = 3  # of the kept frames; a change of this file that changes them raises it
 
 
+# least and greatest number of others
+ROBOTS = (7, 9)
 SENSOR = Sensor(noise_sigma=3.0, blur_px=0.6, vignette=0.15)
 
 
@@ -40,12 +42,10 @@ class Walk:
     nod_rad: float
     roll_rad: float
     robot_size_m: tuple[float, float]  #: radius and height of the other robots
-    sensor: Sensor = SENSOR  #: lens and sensor
     exposure_s: float = 0.0  #: the head pans meanwhile: motion blur
     readout_s: float = 0.0  #: from the first row to the last while the head pans: rolling shutter
     odometry_error: float = 0.05  #: greatest relative error of the odometry's scale
     pan_error_rad: float = 0.0  #: standard deviation of the head's reported pan
-    robots: tuple[int, int] = (7, 9)  #: least and greatest number of others
 
 
 def camera_ahead(
@@ -145,7 +145,7 @@ def _motion(what: Walk, pitch: Field, seed: int, count: int) -> Iterator[WalkFra
     x, y = (rng.uniform(-0.7, 0.7, 2) * half).tolist()
     pose = Pose2(x, y, float(rng.uniform(-math.pi, math.pi)))
     goal = rng.uniform(-0.8, 0.8, 2) * half
-    number = int(rng.integers(what.robots[0], what.robots[1] + 1))
+    number = int(rng.integers(ROBOTS[0], ROBOTS[1] + 1))
     others = rng.uniform(-1.0, 1.0, (number, 2)) * half
     drift = rng.normal(0.0, 0.15, (number, 2))
     ball = rng.uniform(-0.8, 0.8, 2) * half
@@ -229,8 +229,8 @@ def _motion(what: Walk, pitch: Field, seed: int, count: int) -> Iterator[WalkFra
 
 
 def _kept_frames(what: Walk, seed: int, steps: list[WalkFrame]) -> list[npt.NDArray[np.uint8]]:
-    look = (what.field_name, what.camera, what.speed_mps, what.nod_rad, what.roll_rad, what.robot_size_m, what.sensor)
-    name = repr((FORMAT, look, what.exposure_s, what.readout_s, what.robots, seed))
+    look = (what.field_name, what.camera, what.speed_mps, what.nod_rad, what.roll_rad, what.robot_size_m, SENSOR)
+    name = repr((FORMAT, look, what.exposure_s, what.readout_s, ROBOTS, seed))
     nets = [goal.net for goal in load_field(what.field_name).goals if goal.net is not None]
     name += repr(nets) if nets else ""
     folder = Path(tempfile.gettempdir()) / "robocup_vision_walks" / hashlib.sha256(name.encode()).hexdigest()[:16]
@@ -261,4 +261,4 @@ def _render(what: Walk, step: WalkFrame, seed: int, index: int) -> npt.NDArray[n
         turn_rad=step.pan_rate_rps * what.readout_s,
     )
     light = smear(light, abs(step.pan_rate_rps) * what.exposure_s * what.camera.focal_px[0])
-    return what.sensor.expose(light, rng)
+    return SENSOR.expose(light, rng)
