@@ -18,6 +18,14 @@ FRAMES = "image,t_s,dx_m,dy_m,dtheta_rad\n0.png,10,,,\n" + "".join(
     f"{i}.png,{10 + i},0.1,0,0.01\n" for i in range(1, 5)
 )
 
+PINHOLE = """format = 1
+model = "pinhole"
+size_px = [64, 56]
+focal_px = [60, 60]
+center_px = [31.5, 27.5]
+height_m = 0.4
+"""
+
 
 def add(folder: Path, line: str) -> None:
     with (folder / "dataset.toml").open("a") as stream:
@@ -212,10 +220,7 @@ def test_a_mounting_that_cannot_be_used_is_refused(folder: Path, camera: str | N
     text = (folder / "dataset.toml").read_text()
     (folder / "dataset.toml").write_text(re.sub(r'method = "\w+"\n', "", text) + f'method = "{method}"\n')
     if camera is not None:
-        (folder / "camera.toml").write_text(
-            'format = 1\nmodel = "pinhole"\nsize_px = [64, 56]\nfocal_px = [60, 60]\ncenter_px = [31.5, 27.5]\n'
-            f"height_m = 0.4\n{camera}\n"
-        )
+        (folder / "camera.toml").write_text(f"{PINHOLE}{camera}\n")
     value = 2.0 if "pi/2" in problem else 0.3
     lines = [f"{line},{value}" if number else f"{line},{column}" for number, line in enumerate(FRAMES.splitlines())]
     (folder / "frames.csv").write_text("\n".join(lines) + "\n")
@@ -229,10 +234,7 @@ def test_methods_by_edges_take_a_mounting(folder: Path, method: str) -> None:
     add(folder, 'frames = "frames.csv"')
     text = (folder / "dataset.toml").read_text()
     (folder / "dataset.toml").write_text(re.sub(r'method = "\w+"\n', "", text) + f'method = "{method}"\n')
-    (folder / "camera.toml").write_text(
-        'format = 1\nmodel = "pinhole"\nsize_px = [64, 56]\nfocal_px = [60, 60]\ncenter_px = [31.5, 27.5]\n'
-        "height_m = 0.4\ntilt_rad = -0.2\n"
-    )
+    (folder / "camera.toml").write_text(f"{PINHOLE}tilt_rad = -0.2\n")
     lines = [f"{line},0.3" if number else f"{line},height_m" for number, line in enumerate(FRAMES.splitlines())]
     (folder / "frames.csv").write_text("\n".join(lines) + "\n")
     times = load_dataset(folder).times
@@ -311,12 +313,6 @@ def test_paths_and_arguments_that_are_nothing(folder: Path, tmp_path: Path) -> N
         load_dataset(tmp_path / "bare", field="ssl_2001", camera=folder / "camera.toml")
 
 
-def test_truth_is_the_robots_unless_the_file_says_the_cameras(folder: Path) -> None:
-    assert load_dataset(folder).pose_of == "robot"
-    add(folder, 'pose_of = "camera"')
-    assert load_dataset(folder).pose_of == "camera"
-
-
 @pytest.mark.parametrize(
     ("lines", "method"), [("tilt_rad = -0.3\nroll_rad = 0.0\npan_rad = 0.0\n", "edges"), ("", "goal")]
 )
@@ -324,7 +320,6 @@ def test_without_a_method_it_is_the_one_that_vision_takes(
     folder: Path, tmp_path: Path, lines: str, method: str
 ) -> None:
     camera = tmp_path / "head.toml"
-    size = "size_px = [160, 120]\nfocal_px = [150.0, 150.0]\ncenter_px = [79.5, 59.5]\nheight_m = 0.4\n"
-    camera.write_text('format = 1\nmodel = "pinhole"\n' + size + lines)
+    camera.write_text(PINHOLE + lines)
     dataset = load_dataset(folder / "images", field="spl_2020", camera=camera)
     assert dataset.method == choose_method(dataset.camera).name == method

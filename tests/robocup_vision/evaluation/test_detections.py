@@ -191,13 +191,6 @@ def test_detections_of_an_interrupted_run_are_kept(boxed: Dataset, tmp_path: Pat
     assert_same_detections(resumed, evaluate(boxed, tmp_path / "whole", make_vision=TellsOneBall))
 
 
-@pytest.mark.slow
-def test_detections_do_not_depend_on_jobs(boxed: Dataset, tmp_path: Path):
-    """Only this finds detections that change on the way from a worker process."""
-    one, two = (evaluate(boxed, tmp_path / str(jobs), jobs, make_vision=TellsOneBall) for jobs in (1, 2))
-    assert_same_detections(two, one)
-
-
 def assert_same_detections(a: Summary, b: Summary):
     assert [len(row.detections) for row in a.rows] == [2, 1, 1, 2, 1]
     assert [row.detections for row in a.rows] == [row.detections for row in b.rows]

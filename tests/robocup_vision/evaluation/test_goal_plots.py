@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from field_models import load_field
-from field_models.errors import ArgumentError, FileError
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.evaluation.dataset import Truth, load_dataset
@@ -68,16 +67,3 @@ def test_a_pinhole_dataset_is_evaluated_by_the_goal(folder, tmp_path):
     page = summary.report.read_text()
     assert page.count("data:image/png") == 5
     assert not any(note.startswith("overlays") for note in summary.notes)
-
-
-@pytest.mark.slow
-def test_methods_that_do_not_fit_a_pinhole_camera_are_refused(folder, tmp_path):
-    """Only this finds a method that takes a dataset of goals it cannot locate."""
-    with pytest.raises(ArgumentError, match="tilt_rad"):
-        evaluate(load_dataset(folder, method="field"), tmp_path)
-    with pytest.raises(FileError, match="known tilt_rad"):
-        load_dataset(folder, method="landmarks")
-    with pytest.raises(FileError, match="needs a floor that ends"):
-        load_dataset(folder, method="floor")
-    with pytest.raises(ArgumentError, match="no goals of posts"):
-        evaluate(load_dataset(folder, field="ssl_2001"), tmp_path)
