@@ -102,16 +102,23 @@ class Walker:
 
 
 @dataclass
+class Looks:
+    """What looks came to: errors of located ones, whether each is near the truth, and its time."""
+
+    error_m: list[float] = field(default_factory=list)
+    near: list[bool] = field(default_factory=list)
+    spent_s: list[float] = field(default_factory=list)
+
+
+@dataclass
 class Watched:
-    """One way of looking, and its pose errors since the row before."""
+    """One way of looking, and its looks since the row before."""
 
     vision: Vision
     memory: Memory
     online: OnlineCalibration | None
     straight: StraightFrames | None
-    error_m: list[float] = field(default_factory=list)
-    near: list[bool] = field(default_factory=list)
-    spent_s: list[float] = field(default_factory=list)
+    looks: Looks = field(default_factory=Looks)
 
     def look(self, senses: Senses, truth: Pose2, course: Course) -> None:
         """Look at what a robot senses as a player does, and note the pose's error."""
@@ -123,11 +130,11 @@ class Watched:
             frame = self.straight.straighten(frame, senses.t_s, senses.frame_pan_rad or 0.0)
         seen = frame
         view, spent_s = timed(lambda: self.vision.look(seen, senses.t_s, pan_rad=senses.frame_pan_rad))
-        self.spent_s.append(spent_s)
+        self.looks.spent_s.append(spent_s)
         belief = None if view.belief is None else view.belief.pose
-        self.near.append(course.bound.holds(belief.pose if belief else None, truth))
+        self.looks.near.append(course.bound.holds(belief.pose if belief else None, truth))
         if belief:
-            self.error_m.append(belief.pose.error_to(truth)[0])
+            self.looks.error_m.append(belief.pose.error_to(truth)[0])
 
 
 @dataclass
@@ -141,9 +148,8 @@ class Row:
     height_m: list[float] = field(default_factory=list)
     nees: list[float] = field(default_factory=list)
     steps: list[int] = field(default_factory=list)
-    errors_m: dict[bool, list[float]] = field(default_factory=lambda: {False: [], True: []})
-    near: dict[bool, list[bool]] = field(default_factory=lambda: {False: [], True: []})
-    spent_s: dict[bool, list[float]] = field(default_factory=lambda: {False: [], True: []})
+    by_file: Looks = field(default_factory=Looks)
+    calibrated: Looks = field(default_factory=Looks)
     unit_s: list[float] = field(default_factory=list)
 
 
@@ -220,10 +226,11 @@ def measure(course: Course, seed: int, rows: dict[float, Row]) -> None:
                 assert online is not None
                 note(row, arena.true_camera(k), course.camera, online)
                 for on, way in both.items():
-                    row.errors_m[on] += way.error_m
-                    row.near[on] += way.near
-                    row.spent_s[on] += way.spent_s
-                    way.error_m, way.near, way.spent_s = [], [], []
+                    total = row.calibrated if on else row.by_file
+                    total.error_m += way.looks.error_m
+                    total.near += way.looks.near
+                    total.spent_s += way.looks.spent_s
+                    way.looks = Looks()
             row.unit_s += units
         if not ends:
             return
@@ -235,13 +242,11 @@ def rms(values: list[float]) -> float:
 
 
 def _poses(row: Row) -> tuple[float | str, ...]:
+    both = row.by_file, row.calibrated
     return (
-        1000 * rms(row.errors_m[False]),
-        1000 * rms(row.errors_m[True]),
-        percent(float(np.mean(row.near[False]))),
-        percent(float(np.mean(row.near[True]))),
-        float(np.mean(row.spent_s[False]) / np.median(row.unit_s)),
-        float(np.mean(row.spent_s[True]) / np.median(row.unit_s)),
+        *(1000 * rms(looks.error_m) for looks in both),
+        *(percent(float(np.mean(looks.near))) for looks in both),
+        *(float(np.mean(looks.spent_s) / np.median(row.unit_s)) for looks in both),
     )
 
 
@@ -264,7 +269,7 @@ def main(arguments: Namespace) -> None:
         for index in range(pairs):
             measure(course, arguments.seed + index, rows)
         for end, row in rows.items():
-            better = rms(row.errors_m[True]) <= rms(row.errors_m[False]) or end <= ends[0]
+            better = rms(row.calibrated.error_m) <= rms(row.by_file.error_m) or end <= ends[0]
             ok = better and float(np.mean(row.nees)) <= MAX_NEES
             table.row(
                 name,

@@ -30,9 +30,11 @@ from robocup_vision.camera.rig import Rig, load_camera_or_rig
 from robocup_vision.evaluation import boxes as box_file
 from robocup_vision.evaluation.boxes import Box
 from robocup_vision.evaluation.rig_images import (
+    MOTION,
     RigImages,
     decode_rig,
     find_rig_images,
+    motion_of,
     read_rig_times,
     rig_contents,
     rig_mask_paths,
@@ -411,8 +413,7 @@ def _truth(path: Path | None, image_names: tuple[str, ...]) -> dict[str, Truth]:
 def _times(path: Path | None, image_names: tuple[str, ...]) -> dict[str, FrameTime] | None:
     if path is None:
         return None
-    motion = ("dx_m", "dy_m", "dtheta_rad")
-    rows = {row.entries["image"]: row for row in read_csv(path, ("image", "t_s"), motion, single=MOUNTING_NAMES)}
+    rows = {row.entries["image"]: row for row in read_csv(path, ("image", "t_s"), MOTION, single=MOUNTING_NAMES)}
     for image in rows.keys() - set(image_names):
         raise FileError(path, f"line {rows[image].line}: names an image that is not there", value=image)
     times: dict[str, FrameTime] = {}
@@ -421,11 +422,7 @@ def _times(path: Path | None, image_names: tuple[str, ...]) -> dict[str, FrameTi
         if image not in rows:
             raise FileError(path, "must name every image, does not name", value=image)
         row = rows[image]
-        odometry = None
-        # all three empty: the motion is unknown, as before the first frame
-        if any(row.entries.get(column) for column in motion):
-            odometry = Pose2(*(row.number(column) for column in motion))
-        times[image] = FrameTime(row.number("t_s"), odometry, _mounting(path, row))
+        times[image] = FrameTime(row.number("t_s"), motion_of(row), _mounting(path, row))
         if times[image].t_s <= before_s:
             problem = f"line {row.line}: t_s must be later than in the image before ({before_s})"
             raise FileError(path, problem, value=times[image].t_s)

@@ -9,13 +9,5 @@ LIVE_PORT = 8090
 
 
 def moment_link(recording: str, t_s: float) -> str:
-    """Return the address that opens a moment.
-
-    Parameters
-    ----------
-    recording : str
-        The recording's file name, without its folder.
-    t_s : float
-        Seconds from its beginning; the page stands still there.
-    """
+    """Return the address that opens a recording (its file name) so long after its beginning, and stands still there."""
     return f"http://127.0.0.1:{LIVE_PORT}/?" + urlencode({"recording": recording, "t": f"{max(t_s, 0.0):.3f}"})

@@ -73,16 +73,8 @@ def render_report(
 ) -> str:
     """Return the page as HTML text.
 
-    Parameters
-    ----------
-    rows : sequence of Row
-        One an image, in order.
-    spread : mapping of int to bytes
-        JPEG overlays of evenly spread images, by row index.
-    worst : sequence of (int, bytes)
-        Row index and JPEG overlay of the worst images, the worst first.
-    moments : mapping of str to str, optional
-        By image: the address that opens its moment in the live page.
+    `spread` and `worst`, the worst first, hold JPEG overlays by the index of their row; `moments` by image the address
+    that opens its moment in the live page.
     """
     ranked = sorted(range(len(rows)), key=lambda index: (rows[index].severity, -index), reverse=True)
     worst_indices = {index for index, _ in worst}

@@ -82,14 +82,7 @@ RESULT_CODEC = ValueCodec(
 
 
 def prepare_folder(folder: Path, names: Iterable[str]) -> None:
-    """Make a folder ready for the files of a run.
-
-    Parameters
-    ----------
-    folder : Path
-        Made if missing, with those it lies in.
-    names : iterable of str
-        Of the files that the run may write; those of an earlier run are deleted, all else stays.
+    """Make a folder, with those it lies in, and delete what an earlier run wrote into it by these names.
 
     Raises
     ------
@@ -104,14 +97,7 @@ def prepare_folder(folder: Path, names: Iterable[str]) -> None:
 
 
 class RowsFile(Closing):
-    """A table: one line an image, none dropped, each in the file when it is added.
-
-    Parameters
-    ----------
-    columns : sequence of str
-        Its first line.
-    cells : callable
-        Returns a row's entries; those that do not apply are empty.
+    """A table: one line an image, none dropped, each in the file when it is added; `cells` makes a row's entries.
 
     Raises
     ------
@@ -184,15 +170,7 @@ def _number(value: float | None) -> str:
 def write_summary(
     path: Path, figures: Figures, *, method: str, left_out: int, detections: dict[str, KindFigures] | None
 ) -> None:
-    """Write summary.json; a figure that nothing was there to compute from is null.
-
-    Parameters
-    ----------
-    left_out : int
-        How many frames are not among the images.
-    detections : dict of str to KindFigures, or None
-        By kind; None where nothing is marked.
-    """
+    """Write summary.json; a figure that nothing was there to compute from is null."""
     found = None if detections is None else {kind: asdict(one) for kind, one in detections.items()}
     known: dict[str, object] = {"method": method, "left_out": left_out, "detections": found}
     values = {key: known[key] if key in known else getattr(figures, key) for key in SUMMARY_KEYS}

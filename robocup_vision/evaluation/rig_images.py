@@ -9,7 +9,7 @@ from typing import TypeAlias
 from field_models.errors import FileError, FrameError
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.rig import Rig
-from robocup_vision.files.csv_table import read_csv
+from robocup_vision.files.csv_table import CsvRow, read_csv
 from robocup_vision.files.image_folder import pictures_in
 from robocup_vision.files.images import decode_image, file_bytes
 from robocup_vision.geometry import Pose2
@@ -17,7 +17,7 @@ from robocup_vision.geometry import Pose2
 RigImages: TypeAlias = tuple[UInt8Array | None, ...]
 # what stands in the file of each camera's image; None: it has none
 RigContents: TypeAlias = tuple[bytes | None, ...]
-_MOTION = ("dx_m", "dy_m", "dtheta_rad")
+MOTION = ("dx_m", "dy_m", "dtheta_rad")
 
 
 def find_rig_images(path: Path, source: Path, rig: Rig) -> tuple[str, ...]:
@@ -84,7 +84,7 @@ def read_rig_times(
     """
     times: dict[str, list[float | None]] = {name: [None] * len(rig) for name in names}
     motions: dict[str, Pose2] = {}
-    for row in read_csv(path, ("image", "camera", "t_s"), _MOTION, repeats=True):
+    for row in read_csv(path, ("image", "camera", "t_s"), MOTION, repeats=True):
         image, camera = row.entries["image"], row.entries["camera"]
         if camera not in rig.names:
             raise FileError(path, f"line {row.line}: camera must be one of {', '.join(rig.names)}", value=camera)
@@ -94,10 +94,9 @@ def read_rig_times(
         if times[image][number] is not None:
             raise FileError(path, f"line {row.line}: names an image again", value=f"{camera}/{image}")
         times[image][number] = row.number("t_s")
-        if any(row.entries.get(column) for column in _MOTION):
-            motion = Pose2(*(row.number(column) for column in _MOTION))
-            if motions.setdefault(image, motion) != motion:
-                raise FileError(path, f"line {row.line}: another motion than of an image of the same look", value=image)
+        motion = motion_of(row)
+        if motion is not None and motions.setdefault(image, motion) != motion:
+            raise FileError(path, f"line {row.line}: another motion than of an image of the same look", value=image)
     before_s = -math.inf
     for name in names:
         for camera, time in zip(rig.names, times[name], strict=True):
@@ -108,6 +107,11 @@ def read_rig_times(
             raise FileError(path, f"t_s must be later than in the look before ({before_s})", value=f"{name}: {now_s}")
         before_s = now_s
     return {name: (tuple(times[name]), motions.get(name)) for name in names}
+
+
+def motion_of(row: CsvRow) -> Pose2 | None:
+    """Return the motion in a row of frames.csv; None where all three numbers are empty, as before the first frame."""
+    return Pose2(*map(row.number, MOTION)) if any(map(row.entries.get, MOTION)) else None
 
 
 def rig_mask_paths(path: Path, folder: Path | None, rig: Rig) -> tuple[Path | None, ...]:
