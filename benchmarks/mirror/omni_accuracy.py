@@ -186,28 +186,11 @@ def print_consistency(records: Sequence[Record]) -> None:
     in_view = [record for record in records if record.goal_in_view]
     ratio = sum(record.right_half for record in in_view) / max(len(in_view), 1)
     single = sum(len(r.row.estimate.candidates) == 1 for r in in_view if r.row.estimate is not None)
+    is_honest, is_inside = NEES_MEAN[0] <= mean <= NEES_MEAN[1], NEES_INSIDE[0] <= inside <= NEES_INSIDE[1]
     rows = (
-        (
-            "NEES, mean",
-            Kind.ERROR,
-            f"{mean:.3g}",
-            f"{NEES_MEAN[0]} to {NEES_MEAN[1]}",
-            NEES_MEAN[0] <= mean <= NEES_MEAN[1],
-        ),
-        (
-            "NEES, ratio inside 95 %",
-            Kind.RATE,
-            percent(inside),
-            "90 to 99",
-            NEES_INSIDE[0] <= inside <= NEES_INSIDE[1],
-        ),
-        (
-            f"right half, goal in view in {len(in_view)}",
-            Kind.RATE,
-            percent(ratio),
-            ">= 99",
-            ratio >= MIN_RIGHT_HALF,
-        ),
+        ("NEES, mean", Kind.ERROR, f"{mean:.3g}", f"{NEES_MEAN[0]} to {NEES_MEAN[1]}", is_honest),
+        ("NEES, ratio inside 95 %", Kind.RATE, percent(inside), "90 to 99", is_inside),
+        (f"right half, goal in view in {len(in_view)}", Kind.RATE, percent(ratio), ">= 99", ratio >= MIN_RIGHT_HALF),
     )
     columns = "nominal, 256 x 220                     | measured: by row | target | verdict"
     table = Table(columns, name="consistency", samples=len(in_view))

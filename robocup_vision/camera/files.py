@@ -54,10 +54,10 @@ class _OmniFile(StrictStruct):
     center_px: tuple[float, float]
     usable_radius_px: tuple[Positive, Positive]
     floor_range: Union[_HyperboloidFile, _TangentFile, _TableFile]  # noqa: UP007  (msgspec on 3.10)
-    mirrored: bool = False
-    heading_rad: float = 0.0
-    offset_m: tuple[float, float] = (0.0, 0.0)
-    tilt_rad: tuple[float, float] = (0.0, 0.0)
+    mirrored: bool = OmniCamera.mirrored
+    heading_rad: float = OmniCamera.heading_rad
+    offset_m: tuple[float, float] = OmniCamera.offset_m
+    tilt_rad: tuple[float, float] = OmniCamera.tilt_rad
     viewpoint_height_m: Positive | None = None
 
 
@@ -68,16 +68,16 @@ class _ForwardFile(StrictStruct):
     center_px: tuple[float, float]
     height_m: Positive
     distortion: tuple[float, ...] = ()
-    offset_m: tuple[float, float] = (0.0, 0.0)
+    offset_m: tuple[float, float] = PinholeCamera.offset_m
     pan_rad: float | None = None
     tilt_rad: float | None = None
     roll_rad: float | None = None
-    height_std_m: NotNegative = 0.01
-    focal_std_px: NotNegative = 0.0
+    height_std_m: NotNegative = PinholeCamera.height_std_m
+    focal_std_px: NotNegative = PinholeCamera.focal_std_px
     roll_std_rad: NotNegative | None = None
     tilt_std_rad: NotNegative | None = None
-    pan_std_rad: NotNegative = 0.0
-    readout_s: NotNegative = 0.0
+    pan_std_rad: NotNegative = PinholeCamera.pan_std_rad
+    readout_s: NotNegative = PinholeCamera.readout_s
 
 
 class _PinholeFile(_ForwardFile, kw_only=True):
@@ -86,7 +86,7 @@ class _PinholeFile(_ForwardFile, kw_only=True):
 
 class _FisheyeFile(_ForwardFile, kw_only=True):
     model: Literal["fisheye"]
-    projection: Projection = "kannala_brandt"
+    projection: Projection = FisheyeCamera.projection
     usable_radius_px: tuple[NotNegative, Positive] | None = None
 
 

@@ -29,44 +29,37 @@ def add_parser(subparsers: Any) -> None:
         description="Score the localiser on a dataset folder, any folder of images, a video, a recording or a rosbag2 "
         "bag, and write results.csv, summary.json, trajectory.tum and report.html.",
     )
-    evaluate.add_argument(
-        "dataset", help="folder with a dataset.toml, folder of images, video file, recording, or bag (extra ros)"
-    )
-    evaluate.add_argument("--field", metavar="F", help="built-in field or field file (needed without a dataset.toml)")
-    evaluate.add_argument(
-        "--camera", metavar="C", help="camera file, or rig file of several cameras (needed without a dataset.toml)"
-    )
-    evaluate.add_argument("--colors", metavar="K", help="colour file (default: learnt from the images)")
-    evaluate.add_argument(
+    add = evaluate.add_argument
+    add("dataset", help="folder with a dataset.toml, folder of images, video file, recording, or bag (extra ros)")
+    add("--field", metavar="F", help="built-in field or field file (needed without a dataset.toml)")
+    add("--camera", metavar="C", help="camera file, or rig file of several cameras (needed without a dataset.toml)")
+    add("--colors", metavar="K", help="colour file (default: learnt from the images)")
+    add(
         "--method",
         metavar="M",
         help="field, floor, edges, goal, landmarks; published ones: hull, angles (default: by camera)",
     )
-    evaluate.add_argument("--map", metavar="MAP", help="landmark map (.npz), for method landmarks")
-    evaluate.add_argument("--image-topic", metavar="T", help="topic of the images of a bag that has several")
-    evaluate.add_argument("--truth-topic", metavar="T", help="topic of a bag with true poses (default: /truth/pose)")
-    evaluate.add_argument("--odometry-topic", metavar="T", help="topic of the odometry of a bag that has several")
-    evaluate.add_argument("--out", metavar="DIR", help="folder for the files (default: out/NAME)")
-    evaluate.add_argument(
-        "--memory", action="store_true", help="score the estimate over time of a sequence, not what each frame shows"
-    )
-    evaluate.add_argument(
-        "--half", choices=("own",), help="with --memory: the robot begins in its own half, x < 0 (default: not known)"
-    )
-    evaluate.add_argument(
+    add("--map", metavar="MAP", help="landmark map (.npz), for method landmarks")
+    add("--image-topic", metavar="T", help="topic of the images of a bag that has several")
+    add("--truth-topic", metavar="T", help="topic of a bag with true poses (default: /truth/pose)")
+    add("--odometry-topic", metavar="T", help="topic of the odometry of a bag that has several")
+    add("--out", metavar="DIR", help="folder for the files (default: out/NAME)")
+    add("--memory", action="store_true", help="score the estimate over time of a sequence, not what each frame shows")
+    add("--half", choices=("own",), help="with --memory: the robot begins in its own half, x < 0 (default: not known)")
+    add(
         "--steer", action="store_true", help="steer by each frame, too: as recorded, else straight ahead (steering.csv)"
     )
-    evaluate.add_argument(
+    add(
         "--limits",
         nargs=2,
         type=float,
         metavar=("SPEED", "ACCELERATION"),
         help="of the robot that is steered, m/s and m/s^2 (default: as recorded, else 0.4 0.3)",
     )
-    evaluate.add_argument("--force", action="store_true", help="write into a folder that holds other files, too")
-    evaluate.add_argument("--resume", action="store_true", help="go on with an interrupted run in the same folder")
+    add("--force", action="store_true", help="write into a folder that holds other files, too")
+    add("--resume", action="store_true", help="go on with an interrupted run in the same folder")
     add_worker_options(evaluate)
-    evaluate.add_argument(
+    add(
         "--shared-folder",
         action="store_true",
         help="with --dask: the workers read the images themselves, by the same paths; else the files are sent to them",

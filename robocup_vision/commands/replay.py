@@ -17,15 +17,16 @@ def add_parser(subparsers: Any) -> None:
         "bit. With other settings: tell by how much poses, balls and commands differ. Writes replay.csv, replay.json "
         "and replay.html.",
     )
-    parser.add_argument("recording", help="a recording (.mcap)")
-    parser.add_argument("--from", dest="from_s", metavar="T", type=float, help="report from this time on, seconds")
-    parser.add_argument("--to", dest="to_s", metavar="T", type=float, help="end at this time, seconds")
-    parser.add_argument("--field", metavar="F", help="another field: built-in field or field file")
-    parser.add_argument("--camera", metavar="C", help="another camera file")
-    parser.add_argument("--colors", metavar="K", help="another colour file")
-    parser.add_argument("--method", metavar="M", help="another method")
-    parser.add_argument("--memory", action=argparse.BooleanOptionalAction, help="with a memory, or without one")
-    parser.add_argument("--out", metavar="DIR", help="folder for the files (default: out/NAME)")
+    add = parser.add_argument
+    add("recording", help="a recording (.mcap)")
+    add("--from", dest="from_s", metavar="T", type=float, help="report from this time on, seconds")
+    add("--to", dest="to_s", metavar="T", type=float, help="end at this time, seconds")
+    add("--field", metavar="F", help="another field: built-in field or field file")
+    add("--camera", metavar="C", help="another camera file")
+    add("--colors", metavar="K", help="another colour file")
+    add("--method", metavar="M", help="another method")
+    add("--memory", action=argparse.BooleanOptionalAction, help="with a memory, or without one")
+    add("--out", metavar="DIR", help="folder for the files (default: out/NAME)")
     parser.set_defaults(run=run_replay)
 
 
