@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-_NO_PROGRAMS = ("harness", "worlds", "peers", "scores")
+_NO_PROGRAMS = ("harness", "worlds", "scores")
 
 
 def program_names() -> list[str]:

@@ -28,8 +28,15 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.harness import Kind, Pool, Table, percent, program
-from benchmarks.worlds.hall_runs import Acceptance, off_by, print_acceptance
-from benchmarks.worlds.lecture_runs import ASIDE_M, MOMENTS, lecture, make_lecture_runs
+from benchmarks.worlds.hall_runs import (
+    ASIDE_M,
+    MOMENTS,
+    Acceptance,
+    lecture,
+    make_lecture_runs,
+    off_by,
+    print_acceptance,
+)
 from robocup_vision.arrays import Float32Array, FloatArray, UInt8Array
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.features import Features, SiftExtractor

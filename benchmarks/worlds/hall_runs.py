@@ -1,7 +1,9 @@
-"""Runs through a rendered hall for landmark_poses.py, and the landmark maps made of such runs.
+"""Runs through rendered halls for landmark_poses.py and paper_hall.py, and the landmark maps made of such runs.
 
-A rig of three cameras goes first and makes the map; one camera goes a little aside in dim light, and once more after
-some posters have changed.
+In the easy hall a rig of three cameras goes first and makes the map; one camera goes a little aside in dim light, and
+once more after some posters have changed. In a lecture hall as hard as that of Ogawa et al. (2011) the rig goes 9.9 m
+among people and under light that changes; on another visit, with other people, less light and a fifth of the posters
+changed, one camera goes the same way a little aside.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import cv2
@@ -24,7 +26,10 @@ from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.landmarks.features import Features, features_of
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 from robocup_vision.landmarks.mapping.stereo_mapper import StereoMapper
+from sim2d.hall_drive import SPEED_MPS
+from sim2d.rendering.hall.bustle import Bustle
 from sim2d.rendering.hall.hall import Hall, HallLight, loop_path, make_hall
+from sim2d.rendering.hall.lecture_hall import LECTURE_SENSOR, WAY_M, make_lecture_hall, visit, way
 from sim2d.rendering.hall.runs import HALL_CAMERA, HALL_RIG, HallFrame, take
 
 SHIFT_M, DIM, MOVED = 0.2, 0.5, 0.3
@@ -158,4 +163,55 @@ def building(landmarks: LandmarkMap, count: int, rng: np.random.Generator) -> La
         landmarks.seen[copies], landmarks.missed[copies], of, landmarks.view_direction[rows],
         landmarks.view_descriptors[rows], landmarks.view_contrast[rows], landmarks.view_size_m[rows],
         landmarks.view_spacing_m[rows], landmarks.trajectory.copy(), landmarks.trajectory_cov.copy(),
+    )  # fmt: skip
+
+
+ASIDE_M, LATER_LEVEL, CHANGED = 0.15, 0.6, 0.2
+MOMENTS = 143
+INTERVAL_S = WAY_M / SPEED_MPS / MOMENTS
+_PIECE = 12
+
+
+@dataclass(frozen=True, eq=False)
+class LectureRuns:
+    """The runs and the map."""
+
+    first: list[HallFrame]  #: of the moments that are in the map: its three pictures and the depths they show
+    poses: list[Pose2]  #: where the map's run takes the robot to have been at these
+    lost: int  #: moments of which the mapper knew no pose
+    landmarks: LandmarkMap  #: the map
+    later: list[HallFrame]  #: pictures of one camera on another visit
+
+
+@lru_cache(maxsize=2)
+def lecture(seed: int, later: bool) -> tuple[Hall, Bustle]:
+    """Return the hall of a seed and what goes on there on the map's visit, or later."""
+    hall = make_lecture_hall(seed)
+    if not later:
+        return visit(hall, seed)
+    return visit(hall.rearranged(CHANGED, np.random.default_rng([seed, 2])), seed + 1, level=LATER_LEVEL)
+
+
+def make_lecture_runs(seed: int, moments: int, pool: Pool) -> LectureRuns:
+    """Render the runs, so many moments from the way's start on, and build the map."""
+    starts = range(0, moments, _PIECE)
+    jobs = [(seed, later, k, min(k + _PIECE, moments)) for later in (False, True) for k in starts]
+    parts = list(pool.map(_render, jobs))
+    first = [frame for part in parts[: len(starts)] for frame in part]
+    later = [frame for part in parts[len(starts) :] for frame in part]
+    built = build(first)
+    known = [frame for frame, is_used in zip(first, built.used, strict=True) if is_used]
+    return LectureRuns(known, built.poses, len(first) - len(known), built.landmarks, later)
+
+
+def _render(job: tuple[int, bool, int, int]) -> list[HallFrame]:
+    seed, later, start, end = job
+    hall, bustle = lecture(seed, later)
+    poses: Sequence[Pose2] = way(MOMENTS, shift_m=ASIDE_M if later else 0.0)[start:end]
+    cameras = (HALL_CAMERA,) if later else (HALL_RIG.right, HALL_RIG.left, HALL_RIG.top)
+    return list(
+        take(
+            hall, cameras, poses, seed + later, bustle=bustle, interval_s=INTERVAL_S, sensor=LECTURE_SENSOR,
+            first=start, depths=True,
+        )
     )  # fmt: skip

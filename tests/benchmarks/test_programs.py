@@ -20,7 +20,7 @@ PROGRAMS = program_names()
 
 def test_there_are_programs() -> None:
     assert "mirror/omni_accuracy" in PROGRAMS
-    assert not [name for name in PROGRAMS if name.startswith(("harness", "worlds", "peers", "scores"))]
+    assert not [name for name in PROGRAMS if name.startswith(("harness", "worlds", "scores"))]
 
 
 @pytest.mark.parametrize("name", PROGRAMS)

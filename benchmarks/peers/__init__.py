@@ -1,1 +1,0 @@
-"""Other libraries' methods, adapted for comparison."""
