@@ -1,5 +1,6 @@
 """The laws of the pinhole camera over every lens, mounting and neck angle, and its conventions."""
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -8,10 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from strategies import pinholes
+from strategies import numbers, pinholes
 
 from field_models import ArgumentError
-from robocup_vision.camera import PinholeCamera, camera_rotation, load_camera
+from robocup_vision.camera import Mounting, PinholeCamera, load_camera
+from robocup_vision.camera.pinhole import MOUNTING_NAMES, camera_rotation, project_ideal
 
 PLAIN = PinholeCamera((640, 480), (600.0, 610.0), (319.5, 239.5), 0.46)
 
@@ -130,3 +132,82 @@ def test_cameras_of_real_robots_load():
     assert not nao.known_orientation
     assert small.known_orientation
     np.testing.assert_array_equal(small.pixel_to_floor([322.8, 239.76])[1], 0.0)
+
+
+CAMERA = PinholeCamera((320, 240), (277.0, 270.0), (159.5, 119.5), 0.6)
+
+
+@given(numbers(-3.2, 3.2), numbers(-1.5, 1.5), numbers(-1.5, 1.5))
+def test_the_rotation_is_the_product_of_three(pan, tilt, roll):
+    cp, sp, ct, st, cr, sr = (f(a) for a in (pan, tilt, roll) for f in (math.cos, math.sin))
+    about_z = np.array([[cp, -sp, 0.0], [sp, cp, 0.0], [0.0, 0.0, 1.0]])
+    about_y = np.array([[ct, 0.0, -st], [0.0, 1.0, 0.0], [st, 0.0, ct]])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
+    np.testing.assert_allclose(camera_rotation(pan, tilt, roll), about_z @ about_y @ about_x, atol=1e-15)
+
+
+def test_many_rotations_at_once_are_those_of_one_each():
+    angles = np.random.default_rng(3).uniform(-1.5, 1.5, (3, 4, 5))
+    many = camera_rotation(*angles)
+    assert many.shape == (4, 5, 3, 3)
+    for index in np.ndindex(4, 5):
+        np.testing.assert_allclose(many[index], camera_rotation(*(float(a[index]) for a in angles)), atol=1e-15)
+
+
+def test_ideal_pixels_are_those_of_a_camera_without_distortion():
+    points = np.random.default_rng(4).uniform((-1, -2, -2), (5, 2, 2), (200, 3))
+    pixels = project_ideal(CAMERA.focal_px, CAMERA.center_px, points)
+    np.testing.assert_allclose(pixels, CAMERA.camera_ray_to_pixel(points), rtol=1e-12)
+    assert np.isnan(pixels[points[:, 0] <= 0]).all()
+
+
+def test_each_point_may_have_its_own_focal_length():
+    points = np.random.default_rng(5).uniform((1, -2, -2), (5, 2, 2), (20, 3))
+    scale = np.linspace(0.9, 1.1, 20)
+    pixels = project_ideal((277.0 * scale, 270.0 * scale), CAMERA.center_px, points)
+    for k, factor in enumerate(scale):
+        one = dataclasses.replace(CAMERA, focal_px=(277.0 * factor, 270.0 * factor))
+        np.testing.assert_allclose(pixels[k], one.camera_ray_to_pixel(points[k]), rtol=1e-12)
+
+
+CAMERA = PinholeCamera(
+    (320, 240), (228.0, 228.0), (159.5, 119.5), 0.45, offset_m=(0.05, 0.0), pan_rad=0.1, tilt_rad=-0.26, roll_rad=0.02,
+    roll_std_rad=0.02,
+)  # fmt: skip
+
+
+def test_a_camera_is_held_as_a_file_with_those_values_says():
+    # looked at once, so that what is worked out of the old orientation would be found again
+    CAMERA.camera_to_robot, CAMERA.viewpoint_m  # noqa: B018
+    told = Mounting(pan_rad=-0.4, tilt_rad=-0.6, height_m=0.41, tilt_std_rad=0.01, height_std_m=0.004)
+    held, file = CAMERA.held(told), dataclasses.replace(CAMERA, **told.known)
+    for name in MOUNTING_NAMES:
+        assert getattr(held, name) == getattr(file, name)
+    pixels = [(10.0, 200.0), (300.0, 230.0)]
+    np.testing.assert_array_equal(held.pixel_to_floor(pixels), file.pixel_to_floor(pixels))
+    np.testing.assert_array_equal(held.viewpoint_m, file.viewpoint_m)
+    assert held.roll_rad == CAMERA.roll_rad
+    assert held.sway_std_rad == (0.01, 0.02)
+    assert CAMERA.sway_std_rad == (0.02, 0.02)
+    assert CAMERA.held(Mounting()).is_held_as(CAMERA)
+    assert not held.is_held_as(CAMERA)
+    assert CAMERA.held_as(held).is_held_as(held)
+    assert CAMERA.held(Mounting(pan_rad=0.9)).is_held_as(CAMERA)
+
+
+@pytest.mark.parametrize(
+    ("told", "message"),
+    [
+        ({"tilt_rad": -15.0}, "tilt_rad must lie between -pi/2 and pi/2, got -15.0; -15 degrees are -0.2618 rad"),
+        ({"pan_rad": 90.0}, "pan_rad must be in radians, within one turn, got 90.0; 90 degrees are 1.5708 rad"),
+        ({"tilt_std_rad": 2.0}, "tilt_std_rad must be in radians, at most 0.5, got 2.0; 2 degrees are 0.0349 rad"),
+        ({"roll_std_rad": -0.1}, "roll_std_rad must not be negative, got -0.1"),
+        ({"height_std_m": -1.0}, "height_std_m must not be negative, got -1.0"),
+        ({"height_m": 0.0}, "height_m must be positive, got 0.0"),
+        ({"roll_rad": math.nan}, "roll_rad must be a finite number, got nan"),
+        ({"height_m": "high"}, "height_m must be a finite number, got 'high'"),
+    ],
+)
+def test_wrong_values_are_named(told, message):
+    with pytest.raises(ArgumentError, match=rf"^a mounting's {message}$"):
+        Mounting(**told)
