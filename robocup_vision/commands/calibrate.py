@@ -22,9 +22,9 @@ _MAX_PICTURES = 8
 _AGREES_PX = 3.0
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> None:
     """Add the command `calibrate` to the subparsers of an argparse parser; every kind sets its own `run`."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
+    parser = subparsers.add_parser(
         "calibrate",
         help="make camera and colour files from images of the field",
         description="Make camera and colour files from images of the field, taken anywhere on it.",
@@ -33,7 +33,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     _add_omni_parser(kinds)
     add_colors_parser(kinds)
     add_forward_parser(kinds)
-    return parser
 
 
 def _add_omni_parser(kinds: Any) -> None:

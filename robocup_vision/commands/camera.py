@@ -14,11 +14,9 @@ _FORMATS = {
 }
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> None:
     """Add the command `camera` to the subparsers of an argparse parser."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
-        "camera", help="make a camera file of a calibration by ROS, OpenCV or Kalibr"
-    )
+    parser = subparsers.add_parser("camera", help="make a camera file of a calibration by ROS, OpenCV or Kalibr")
     formats = parser.add_subparsers(dest="format", required=True, metavar="FORMAT")
     for name, text in _FORMATS.items():
         one = formats.add_parser(
@@ -46,7 +44,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
             add("--name", metavar="CAM", help="of several cameras in the file this one, such as cam0")
         add("--out", default="camera.toml", metavar="FILE", help="camera file to write (default: camera.toml)")
         one.set_defaults(run=run_camera, format=name)
-    return parser
 
 
 def run_camera(args: argparse.Namespace) -> int:

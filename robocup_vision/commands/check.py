@@ -6,9 +6,9 @@ import argparse
 from typing import Any
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> None:
     """Add the command `check` to the subparsers of an argparse parser."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
+    parser = subparsers.add_parser(
         "check",
         help="find errors in a set-up: size, field, tilt, mirroring, lens, colours, units",
         description="Use some images of a dataset to find errors in its files, and print each with its evidence. Where "
@@ -21,7 +21,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--camera", metavar="C", help="camera file (needed without a dataset.toml)")
     add("--colors", metavar="K", help="colour file")
     parser.set_defaults(run=run_check)
-    return parser
 
 
 def run_check(args: argparse.Namespace) -> int:

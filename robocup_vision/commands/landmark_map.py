@@ -7,9 +7,9 @@ import math
 from typing import Any
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> None:
     """Add the command `map` to the subparsers of an argparse parser; `run_map` runs what it parses."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
+    parser = subparsers.add_parser(
         "map",
         help="landmark maps: build one from three cameras, show it, locate images on it",
         description="Landmark maps of what hangs on the walls: built from a run with three cameras, used with one.",
@@ -30,7 +30,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     locate.add_argument("--limit-ms", metavar="T", type=float, help="as many landmarks as fit into T ms, without SIFT")
     locate.add_argument("--picture", metavar="PNG", help="draw the map with where the images were taken")
     parser.set_defaults(run=run_map)
-    return parser
 
 
 def run_map(args: argparse.Namespace) -> int:

@@ -17,9 +17,9 @@ image topic of ROS 2 (ros:TOPIC[,odometry=TOPIC]; with rclpy, as installed with 
 Several are shown side by side. Without --camera a camera, video or folder can be calibrated in the page."""
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> None:
     """Add the command `live` to the subparsers of an argparse parser."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
+    parser = subparsers.add_parser(
         "live",
         help="show in a browser what a robot sees, as it sees it",
         description=_DESCRIPTION,
@@ -46,7 +46,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--foxglove", metavar="PORT", type=int, help="serve the first robot's topics to Foxglove (extra foxglove)")
     add("--seconds", type=float, metavar="T", help="end after this time (default: when interrupted)")
     parser.set_defaults(run=run_live)
-    return parser
 
 
 def run_live(args: argparse.Namespace) -> int:

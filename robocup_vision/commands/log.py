@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 
-def add_parser(subparsers: Any) -> argparse.ArgumentParser:
+def add_parser(subparsers: Any) -> None:
     """Add the command `log` to the subparsers of an argparse parser."""
-    parser: argparse.ArgumentParser = subparsers.add_parser(
+    parser = subparsers.add_parser(
         "log", help="read a log of the small-size league: what is in it, as tables, as a test of the tracker"
     )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
@@ -45,7 +45,6 @@ def add_parser(subparsers: Any) -> argparse.ArgumentParser:
     add("--seconds", type=float, metavar="T", help="end after so long (default: never)")
     add("--force", action="store_true", help="replace a file that is there")
     parser.set_defaults(run=run_log)
-    return parser
 
 
 def run_log(args: argparse.Namespace) -> int:
