@@ -25,12 +25,8 @@ class Problem(NamedTuple):
 def problem_of(name: str, value: float | tuple[float, ...] | None) -> Problem | None:
     """Return the problem of a camera's length or angle; None if there is none, or the value is unknown.
 
-    Parameters
-    ----------
-    name : str
-        Name of the key: a length ends in "_m", an angle in "_rad", standard deviations in "_std_m" and the like.
-    value : float, tuple of float or None
-        Value of the key.
+    The key's name says what it is: a length ends in "_m", an angle in "_rad", a standard deviation in "_std_m" and the
+    like.
     """
     for one in value if isinstance(value, tuple) else (value,):
         if one is None:

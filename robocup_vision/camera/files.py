@@ -92,12 +92,7 @@ class _FisheyeFile(_ForwardFile, kw_only=True):
 
 @_refusing_extremes
 def load_camera(path: str | Path) -> Camera:
-    """Load and check a camera file.
-
-    Parameters
-    ----------
-    path : str or Path
-        A ``camera.toml``.
+    """Load and check a camera file, ``camera.toml``.
 
     Raises
     ------

@@ -49,10 +49,7 @@ class Calibration:
 def read_ros(path: str | Path, size_px: tuple[int, int] | None = None) -> Calibration:
     """Read a camera_info file as written by camera_calibration, or a message as printed by `ros2 topic echo`.
 
-    Parameters
-    ----------
-    size_px : (int, int), optional
-        Size of the images, if it is not in the file.
+    A size is given where the file does not hold it.
 
     Raises
     ------
@@ -81,15 +78,7 @@ def read_opencv(path: str | Path, size_px: tuple[int, int] | None = None) -> Cal
 
 
 def read_kalibr(path: str | Path, size_px: tuple[int, int] | None = None, name: str | None = None) -> Calibration:
-    """Read one camera of Kalibr's camchain, by default the only one; see `read_ros`.
-
-    Parameters
-    ----------
-    path, size_px
-        See `read_ros`.
-    name : str, optional
-        Name of the camera in the file, such as "cam1".
-    """
+    """Read one camera of Kalibr's camchain, such as "cam1", by default the only one; see `read_ros`."""
     chain = _Yaml.read(path)
     names = [key for key, value in chain.values.items() if isinstance(value, dict) and "intrinsics" in value]
     if not names:

@@ -61,17 +61,7 @@ def camera_rotation(pan_rad: npt.ArrayLike, tilt_rad: npt.ArrayLike, roll_rad: n
 def project_ideal(
     focal_px: tuple[float | FloatArray, float | FloatArray], center_px: tuple[float, float], points_m: npt.ArrayLike
 ) -> FloatArray:
-    """Ideal pixels (..., 2) of points (..., 3) of the camera frame, metres; NaN behind the camera.
-
-    Parameters
-    ----------
-    focal_px : (float or (...), float or (...))
-        Focal length along u and v.
-    center_px : (float, float)
-        Image of the optical axis.
-    points_m : (..., 3) float64
-        Coordinates ahead, left and up.
-    """
+    """Ideal pixels (..., 2) of points (..., 3) of the camera frame, metres; NaN behind the camera."""
     points = np.asarray(points_m, dtype=np.float64)
     depth = np.where(points[..., 0] > _MIN_DEPTH_M, points[..., 0], np.nan)
     (fu, fv), (cu, cv) = focal_px, center_px

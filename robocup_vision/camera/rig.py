@@ -79,12 +79,7 @@ class _RigFile(StrictStruct):
 
 
 def load_rig(path: str | Path) -> Rig:
-    """Load and check a rig file and its camera files.
-
-    Parameters
-    ----------
-    path : str or Path
-        A ``rig.toml``; camera files are relative to its directory.
+    """Load and check a rig file, ``rig.toml``, and its camera files, whose paths are relative to its directory.
 
     Raises
     ------

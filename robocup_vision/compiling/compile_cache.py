@@ -97,11 +97,6 @@ def source_digest(module: str) -> str | None:
 
     A loop holds the code of loops that it calls, and the constants that it reads, of other files: by this digest it is
     compiled anew where any of them has changed, and kept where files have only been copied.
-
-    Parameters
-    ----------
-    module : str
-        Its name; all that it imports has been imported.
     """
     path = getattr(sys.modules.get(module), "__file__", None)
     if path is None or not Path(path).is_file():

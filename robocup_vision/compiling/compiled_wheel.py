@@ -25,17 +25,9 @@ _PLAIN = "py3-none-any"
 
 
 def compile_wheel(wheel: str | Path, jobs: int) -> Path:
-    """Compile all loops of this library's wheel, and write another one that holds them.
+    """Compile all loops of this library's wheel, as ``pip wheel`` writes it, and return another one that holds them.
 
-    Parameters
-    ----------
-    wheel : str or Path
-        As ``pip wheel`` writes it, for any machine.
-
-    Returns
-    -------
-    Path
-        The new wheel, beside the other: named by the version of Python and the kind of machine.
+    It lies beside the other, named by the version of Python and the kind of machine.
 
     Raises
     ------

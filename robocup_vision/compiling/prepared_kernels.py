@@ -125,15 +125,10 @@ def prepare_loops(entries: Iterable[Entry]) -> None:
 
 @cache
 def prepare(group: str, package: str = "robocup_vision") -> None:
-    """Compile or load the loops of one kind of object; a group that is not listed has none.
+    """Compile or load the loops of one kind of object, such as ``mirror_field``; a group that is not listed has none.
 
     Once a loop has been compiled here, a second process compiles the same list from its other end. Each finds in the
     cache what the other has done.
-
-    Parameters
-    ----------
-    group : str
-        Name in `groups`, such as ``mirror_field`` or ``steering``.
     """
     other = None
     try:

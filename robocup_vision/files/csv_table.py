@@ -53,22 +53,10 @@ def read_csv(
     ignore_others: bool = False,
     repeats: bool = False,
 ) -> list[CsvRow]:
-    """Read a table whose first required column names an image, each image once unless it may be repeated.
+    """Read a table; its first required column names an image, each image once unless it may repeat.
 
-    Parameters
-    ----------
-    path : str or Path
-        The file; its first line names the columns.
-    required : sequence of str
-        Columns that must be there; the first of them names the image.
-    optional : sequence of str
-        Columns of which all or none must be there.
-    single : sequence of str
-        Columns of which any may be there.
-    ignore_others : bool
-        Whether further columns are ignored rather than refused.
-    repeats : bool
-        Whether several lines may name the same image.
+    Of the optional columns all or none must be there, of the single ones any may be. Further columns are refused unless
+    they are ignored.
 
     Raises
     ------

@@ -14,15 +14,10 @@ _KINDS = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
 
 
 class ImageFiles(Sequence[UInt8Array]):
-    """Image files as a sequence of frames.
+    """Image files as a sequence of frames, all of one size: that of the first that can be read unless given.
 
-    Parameters
-    ----------
-    paths : sequence of str or Path
-        Files, and folders whose images are taken in the order of their names; of a folder without any, and of a
-        dataset's, those of its ``images``.
-    size_px : (int, int), optional
-        Width and height that all must have; those of the first that can be read unless given.
+    Of folders the images are taken by name; of a folder without any, and of a dataset's, those of its
+    ``images``.
 
     Raises
     ------

@@ -33,19 +33,7 @@ _EXIF_ORIENTATION, _UPRIGHT = 0x0112, 1
 
 
 def read_image(path: str | Path, size_px: tuple[int, int] | None = None) -> UInt8Array:
-    """Read a colour image, its pixels as they are stored.
-
-    Parameters
-    ----------
-    path : str or Path
-        A PNG, JPEG, BMP, WebP or TIFF file.
-    size_px : (int, int), optional
-        Width and height it must have.
-
-    Returns
-    -------
-    (H, W, 3) uint8
-        BGR.
+    """Read a colour image, (H, W, 3) uint8 BGR, its pixels as they are stored; it must have the size if one is given.
 
     Raises
     ------
@@ -71,11 +59,6 @@ def file_bytes(path: str | Path) -> bytes:
 
 def decode_image(data: bytes, name: str, size_px: tuple[int, int] | None = None) -> UInt8Array:
     """Decode what stands in an image file, as `read_image` does.
-
-    Parameters
-    ----------
-    size_px : (int, int), optional
-        Width and height it must have.
 
     Raises
     ------

@@ -55,14 +55,10 @@ def telling_write_errors(path: str | Path) -> Iterator[None]:
 
 
 def refuse_foreign_files(folder: Path, own: Sequence[str]) -> None:
-    """Refuse a folder in which another program, or the user, keeps files.
+    """Refuse a folder, which may be absent, in which another program, or the user, keeps files.
 
-    Parameters
-    ----------
-    folder : Path
-        May be absent.
-    own : sequence of str
-        Names of the files that a run writes; ``*`` stands for any text. Hidden files count as nobody's.
+    Its own files are those whose names match one of `own`, in which ``*`` stands for any text. Hidden files count as
+    nobody's.
 
     Raises
     ------
@@ -100,15 +96,8 @@ def require_empty_folder(folder: Path) -> None:
 def written_at_once(folder: Path, own: Sequence[str]) -> Iterator[Path]:
     """Yield an empty folder to write into; its content goes to `folder` at the end of the block.
 
-    Where the block fails, `folder` is as it was. Files of an earlier run, those of the names in `own`, are replaced or
-    deleted at the end.
-
-    Parameters
-    ----------
-    folder : Path
-        Made if missing, with those it lies in.
-    own : sequence of str
-        As in `refuse_foreign_files`.
+    Where the block fails, `folder` is as it was. It is made if missing, with those it lies in. Files of an earlier run,
+    those of the names in `own` (`refuse_foreign_files`), are replaced or deleted at the end.
 
     Raises
     ------

@@ -19,21 +19,15 @@ _DAMAGED = "is damaged; begin anew without --resume"
 class ResumeFile(Closing):
     """One value for each finished piece of a run, as JSON in a line of its own; the first line says of which run.
 
+    It is made with the folders it lies in. With `resume` the run in the file is gone on with, if there is one: `found`
+    then holds by number of the piece what was finished before, but for a last line that was cut off.
+
     Parameters
     ----------
-    path : Path
-        The file; made with the folders it lies in.
     run : mapping of str to JSON values
         What the results depend on.
-    resume : bool
-        Go on with the run in the file, if there is one; else begin anew.
     codec : ValueCodec, optional
         Turns results into JSON values and back; results are JSON values unless given.
-
-    Attributes
-    ----------
-    found : dict of int to value
-        By number of the piece: what was finished before. A last line that was cut off is not among it.
 
     Raises
     ------
