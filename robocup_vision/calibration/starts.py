@@ -24,7 +24,6 @@ FIT_CODEC = ValueCodec(
     {
         "Fit": f"{_FITS}.fit",
         "CameraModel": f"{_FITS}.model",
-        "CameraModelSettings": f"{_FITS}.settings",
         "OmniCamera": "robocup_vision.camera.omni",
         **dict.fromkeys(("Hyperboloid", "Tangent", "Table"), "robocup_vision.camera.floor_range"),
     }

@@ -70,7 +70,7 @@ def _run_json(args: argparse.Namespace, paths: list[Path]) -> dict[str, object]:
         stats = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in paths]
         return sha256(repr(stats).encode()).hexdigest()[:12]
 
-    values: dict[str, object] = {"format": 2, "version": __version__, "images": files(paths), "frames": args.frames}
+    values: dict[str, object] = {"format": 3, "version": __version__, "images": files(paths), "frames": args.frames}
     for option in ("field", "start", "mask", "poses"):
         value = getattr(args, option, None)
         values[option] = files([Path(value)]) if value is not None and Path(value).is_file() else value

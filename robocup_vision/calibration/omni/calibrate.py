@@ -22,6 +22,7 @@ from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.omni.choice import (
+    AGREEMENT,
     MORE,
     CalibratedFrame,
     Chooser,
@@ -39,15 +40,40 @@ from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.floor_range import Table, Tangent
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.progress import progress
 
 __all__ = ["CalibratedFrame", "NotCalibrated", "OmniCalibration", "calibrate_omni", "guessed_cameras"]
 
+# greatest change of the centre, relative to the image's smaller side: the error of a hand-made camera file
+_MAX_CENTER_RATIO = 0.1
+# greatest changes of the logarithms of scale and horizon: of a tangent, 35 % in each of a and b; without a start any
+# curve is possible
+_MAX_LOG_CURVE, _MAX_UNKNOWN_LOG_CURVE = (0.7, 0.4), (2.0, 2.0)
+# what a start provides even if its curve is not used
+_OF_MOUNT = ("center_px", "usable_radius_px", "mirrored", "heading_rad", "offset_m")
+# inner usable radius of a guessed camera, relative to the image's smaller side: the robot's body is inside; and its
+# horizon, relative to the outer usable radius
+_GUESSED_INNER_RATIO, _GUESSED_HORIZON = 0.09, 1.15
+# floor range at half the radius, in robot radii, one guess each, which determines the expected width of lines: mirrors
+# are designed for the robot, independent of the field's size; and for a field with walls, relative to its length
+_GUESSED_RANGES, _GUESSED_WALLED_RANGE = (2.16, 3.6, 6.0, 9.6), 0.09
+# greatest useful floor range without a start, in diagonals of the field
+_FARTHEST_DIAGONALS = 1.1
+# residual scales of the two fits to points measured with the first fit's camera, in units of `Search.unit_px`
+_REFIT_SCALES = ((4.0, 2.0), (2.0,))
+# least inlier ratio of one frame's points
+_MIN_FRAME_INLIER_RATIO = 0.3
+# least ratio of the frames with enough points that are kept in the end
+_MIN_KEPT_RATIO = 0.5
+# greatest cost (0 to 1) of an acceptable first fit
+_MAX_COST = 0.75
+# greatest cost of another first fit that is refined, and of a rival camera: factor of the best one's, and an offset
+_MAX_DOUBTFUL_RATIO, _MAX_RIVAL_RATIO, _RIVAL_EXCESS = 1.5, 1.15, 0.02
+# least difference of a rival's centre (relative to the image's smaller side), or of its curve (relative)
+_MIN_RIVAL_CENTER_RATIO, _MIN_RIVAL_CURVE = 0.03, 0.1
 
-def guessed_cameras(
-    field: Field, size_px: tuple[int, int], settings: OmniCalibrationSettings = OmniCalibrationSettings()
-) -> list[OmniCamera]:
+
+def guessed_cameras(field: Field, size_px: tuple[int, int]) -> list[OmniCamera]:
     """Return guesses of a mirror camera for a field, from the images' size alone.
 
     The centre is the images' middle. The cameras differ in the floor range at half the radius. On a field with walls
@@ -56,14 +82,14 @@ def guessed_cameras(
     width, height = size_px
     side = min(width, height)
     outer = side / 2 - 1.0
-    horizon = settings.guessed_horizon * outer
+    horizon = _GUESSED_HORIZON * outer
     cameras = []
-    ranges_m = [radii * field.robot_radius_m for radii in settings.guessed_ranges]
-    for range_m in [settings.guessed_walled_range * field.length_m] if field.is_bounded else ranges_m:
+    ranges_m = [radii * field.robot_radius_m for radii in _GUESSED_RANGES]
+    for range_m in [_GUESSED_WALLED_RANGE * field.length_m] if field.is_bounded else ranges_m:
         scale = (1 - (outer / 2 / horizon) ** 2) ** -1 * outer / 2 / range_m
         curve = hyperboloid_of(scale, horizon, 4.0 * horizon)
         center = (width - 1) / 2, (height - 1) / 2
-        cameras.append(OmniCamera(size_px, center, (settings.guessed_inner_ratio * side, outer), curve))
+        cameras.append(OmniCamera(size_px, center, (_GUESSED_INNER_RATIO * side, outer), curve))
     return cameras
 
 
@@ -114,45 +140,42 @@ def calibrate_omni(
         raise ArgumentError(f"field '{field.name}' has neither walls nor lines to calibrate by")
     chosen = sorted({int(i) for i in np.linspace(0, len(frames) - 1, min(max_frames, len(frames))).round()})
     labels = names or [f"frame {index}" for index in range(len(frames))]
-    trials = trials or StartTrials()
-    answer = _Calibration(field, frames, labels, chosen, start, mask, settings, trials).run()
+    calibration = _Calibration(
+        FieldShape(field), frames, labels, chosen, mask, settings, trials or StartTrials(), start
+    )
+    answer = calibration.run()
     if isinstance(answer, OmniCalibration) or start is None or field.is_bounded:
         return answer
     # few lines are compatible with several cameras, and the one near a wrong start need not be the best
-    other = _Calibration(field, frames, labels, chosen, None, mask, settings, trials, mount=start).run()
+    other = dataclasses.replace(calibration, start=None, mount=start, notes={}).run()
     if not isinstance(other, OmniCalibration):
         return answer
     return dataclasses.replace(other, notes=(f"found without the start's curve: by it, {answer.reason}", *other.notes))
 
 
+@dataclass(eq=False)
 class _Calibration:
-    """One calibration.
+    """One calibration."""
 
-    `mount`: camera that provides heading, offset and mirroring but no curve; used without a start.
-    """
+    shape: FieldShape
+    frames: Sequence[UInt8Array]
+    names: Sequence[str]
+    chosen: list[int]
+    mask: UInt8Array | None
+    settings: OmniCalibrationSettings
+    trials: StartTrials
+    start: OmniCamera | None
+    mount: OmniCamera | None = None  #: provides all but the curve without a start
+    notes: dict[int, str] = dataclasses.field(default_factory=dict)  #: why frames are left out, by index
 
-    def __init__(
-        self,
-        field: Field,
-        frames: Sequence[UInt8Array],
-        names: Sequence[str],
-        chosen: list[int],
-        start: OmniCamera | None,
-        mask: UInt8Array | None,
-        settings: OmniCalibrationSettings,
-        trials: StartTrials,
-        mount: OmniCamera | None = None,
-    ) -> None:
-        self.field, self.frames, self.names, self.chosen = field, frames, names, chosen
-        self.start, self.mask, self.settings = start, mask, settings
-        self.shape, self.line_map = FieldShape(field, settings.fit), LineMap(field)
-        self.notes: dict[int, str] = {}
-        self._trials, self._mount = trials, mount
+    @property
+    def field(self) -> Field:
+        return self.shape.field
 
     def run(self) -> OmniCalibration | NotCalibrated:
-        attempts, settings = [], self.settings
+        attempts = []
         for first in [self.start] if self.start is not None else self._guesses():
-            observer = Observer(self.field, first, self.mask, locate=False, settings=settings.points)
+            observer = Observer(self.field, first, self.mask, locate=False)
             seen = self._look(observer, "points")
             if not seen:
                 continue
@@ -160,29 +183,29 @@ class _Calibration:
                 usable = observer.inner_radius_px, first.usable_radius_px[1]
                 first = dataclasses.replace(first, usable_radius_px=usable)
             search = self._search(first)
-            attempts.append((search.best(seen, observer.polar, self._trials), seen, search))
+            attempts.append((search.best(seen, observer.polar, self.trials), seen, search))
         if not attempts:
             return self._refuse("no frame shows enough of " + self._wanted)
         attempts = [attempt for attempt in attempts if attempt[0]]
         if not attempts:
             return self._refuse("no start gives a pose of the robot on the field")
         fits, sightings, search = min(attempts, key=lambda attempt: attempt[0][0].cost)
-        if fits[0].cost > settings.max_cost:
+        if fits[0].cost > _MAX_COST:
             return self._refuse(
                 f"no start brings the points found onto the walls and lines of field '{self.field.name}'"
             )
-        candidates = _distinct(fits, settings.max_doubtful_ratio, settings)
+        candidates = _distinct(fits, _MAX_DOUBTFUL_RATIO)
         answers = self._answers(candidates, search)
         if not answers:
             return self._refuse("by the best camera found, no frame shows enough of " + self._wanted)
         kept = len(answers[0].sightings)
-        if kept < settings.min_kept_ratio * len(sightings):
+        if kept < _MIN_KEPT_RATIO * len(sightings):
             self.notes = answers[0].notes
             return self._refuse(
                 f"only {kept} of {len(sightings)} images fit one camera on field '{self.field.name}': "
                 "are field and camera file those of the images?"
             )
-        rivals = _distinct([answer.fit for answer in answers], settings.max_rival_ratio, settings)
+        rivals = _distinct([answer.fit for answer in answers], _MAX_RIVAL_RATIO)
         if len(rivals) > 1:
             center_px, curve = _difference(*rivals[:2])
             return self._refuse(
@@ -196,20 +219,11 @@ class _Calibration:
         return "the floor's edge or of white lines" if self.field.is_bounded else "white lines"
 
     def _guesses(self) -> list[OmniCamera]:
-        guesses, mount = guessed_cameras(self.field, self._size_px(), self.settings), self._mount
+        guesses, mount = guessed_cameras(self.field, self._size_px()), self.mount
         if mount is None:
             return guesses
-        return [
-            dataclasses.replace(
-                guess,
-                center_px=mount.center_px,
-                usable_radius_px=mount.usable_radius_px,
-                mirrored=mount.mirrored,
-                heading_rad=mount.heading_rad,
-                offset_m=mount.offset_m,
-            )
-            for guess in guesses
-        ]
+        own = {name: getattr(mount, name) for name in _OF_MOUNT}
+        return [dataclasses.replace(guess, **own) for guess in guesses]
 
     def _size_px(self) -> tuple[int, int]:
         problem = None
@@ -236,11 +250,10 @@ class _Calibration:
                 problem = error
                 self._leave_out(index, str(error))
                 continue
-            least = self.settings.points
-            if len(sighting.boundary_px) < least.min_boundary_points and len(sighting.line_px) < least.min_line_points:
+            if sighting.is_enough:
+                sightings.append(sighting)
+            else:
                 self._leave_out(index, f"too little of {self._wanted} in view")
-                continue
-            sightings.append(sighting)
         if problem is not None and not sightings and len(self.notes) == len(self.chosen):
             raise problem
         return sightings
@@ -250,14 +263,14 @@ class _Calibration:
 
     def _search(self, first: OmniCamera) -> Search:
         of_kind: dict[type, Curve] = {Tangent: "tangent", Table: "own"}
-        model = CameraModel(first, of_kind.get(type(first.floor_range), "hyperboloid"), self.settings.model)
+        model = CameraModel(first, of_kind.get(type(first.floor_range), "hyperboloid"))
         vector = model.vector(first)
-        bounds = model.bounds(vector, self.settings.max_center_ratio * min(first.size_px), *self._max_log_curve)
-        return Search(self.field, self.shape, self.line_map, model, vector, bounds, self.start is None, self.settings)
+        return Search(self.shape, model, vector, model.bounds(vector, *self._max_change(first)), self.start is None)
 
-    @property
-    def _max_log_curve(self) -> tuple[float, float]:
-        return self.settings.max_unknown_log_curve if self.start is None else self.settings.max_log_curve
+    def _max_change(self, camera: OmniCamera) -> tuple[float, float, float]:
+        """Return the greatest changes from the start, see `CameraModel.bounds`."""
+        log_curve = _MAX_UNKNOWN_LOG_CURVE if self.start is None else _MAX_LOG_CURVE
+        return (_MAX_CENTER_RATIO * min(camera.size_px), *log_curve)
 
     def _answers(self, fits: Sequence[Fit], search: Search) -> list[_Explained]:
         """Return the fits repeated with points from their own cameras, best first."""
@@ -268,21 +281,21 @@ class _Calibration:
 
     def _refitted(self, fit: Fit, search: Search) -> _Explained | None:
         """Measure the points again with a fit's camera, locate every frame again, and repeat the fit."""
-        camera, settings = fit.camera, self.settings
+        camera = fit.camera
         inner, outer = camera.usable_radius_px
         if self.start is None:
             # floor beyond this is outside the field
-            farthest_m = settings.farthest_diagonals * float(np.hypot(*np.ptp(self.field.floor_polygon, axis=0)))
+            farthest_m = _FARTHEST_DIAGONALS * float(np.hypot(*np.ptp(self.field.floor_polygon, axis=0)))
             outer = min(outer, float(camera.floor_range.radius_px(1.0 / farthest_m)))
         cut = dataclasses.replace(camera, usable_radius_px=(inner, outer))
         frame = dataclasses.replace(search.model.frame, usable_radius_px=(inner, outer))
         search = dataclasses.replace(search, model=dataclasses.replace(search.model, frame=frame))
-        observer = Observer(self.field, cut, self.mask, locate=True, settings=settings.points)
+        observer = Observer(self.field, cut, self.mask, locate=True)
         sightings = self._with_poses(self._look(observer, "poses"), search, cut)
-        for scales in (settings.refit_scales, settings.last_scales):
+        for scales in _REFIT_SCALES:
             if not sightings:
                 return None
-            joint = JointFit(self.shape, points_of(sightings), settings.fit, painted=True)
+            joint = JointFit(self.shape, points_of(sightings), painted=True)
             poses = np.array([s.pose.array for s in sightings if s.pose is not None])
             widths = (*(scale * search.unit_px for scale in scales), 1.0)
             fit = joint.solve(search.model, fit.vector, poses, widths, search.start, search.bounds)
@@ -313,9 +326,9 @@ class _Calibration:
         """Return the sightings whose points agree with a fit, with its poses."""
         kept = []
         for place, sighting in enumerate(sightings):
-            agrees = np.abs(fit.residual_px[points.frame == place]) < self.settings.agreement * unit_px
+            agrees = np.abs(fit.residual_px[points.frame == place]) < AGREEMENT * unit_px
             ratio = float(agrees.mean())
-            if ratio < self.settings.min_frame_inlier_ratio:
+            if ratio < _MIN_FRAME_INLIER_RATIO:
                 self._leave_out(sighting.index, f"only {ratio:.0%} of its points agree with the others'")
             else:
                 kept.append(dataclasses.replace(sighting, pose=Pose2(*fit.poses[place].tolist())))
@@ -325,23 +338,21 @@ class _Calibration:
         fit, sightings, search = explained.fit, explained.sightings, explained.search
         self.notes = explained.notes
         points = points_of(sightings)
-        side = min(fit.camera.size_px)
-        settings = self.settings
-        max_change = (settings.max_center_ratio * side, *self._max_log_curve)
-        chooser = Chooser(self.shape, points, fit, max_change, search.unit_px, settings)
+        max_change = self._max_change(fit.camera)
+        chooser = Chooser(self.shape, points, fit, max_change, search.unit_px)
         choices = chooser.choose()
-        width_px = max(1.0, 2 * spread_px(fit.residual_px, settings.fit))
+        width_px = max(1.0, 2 * spread_px(fit.residual_px))
         fit = chooser.final(choices[0], width_px)
-        covariance = JointFit(self.shape, points, settings.fit, painted=True).covariance(fit)
-        trust = Trust(self.field, self.line_map, self.start is not None, search.unit_px, settings)
-        problem = trust.problem(fit, covariance, points, search.model)
+        covariance = JointFit(self.shape, points, painted=True).covariance(fit)
+        trust = Trust(self.shape, self.start is not None, search.unit_px, max_change, self.settings)
+        problem = trust.problem(fit, covariance, points)
         if problem:
             return self._refuse(problem)
         if not self.field.is_bounded:
-            kept, refused = confirmed(self.field, self.frames, fit, sightings, self.mask, settings)
+            kept, refused = confirmed(self.field, self.frames, fit, sightings, self.mask, self.settings)
             for index, reason in refused.items():
                 self._leave_out(index, reason)
-            if len(kept) < max(settings.min_kept_ratio * len(sightings), 1):
+            if len(kept) < max(_MIN_KEPT_RATIO * len(sightings), 1):
                 return self._refuse(f"by the camera found, the robot does not find itself in its images; {MORE}")
             if len(kept) < len(sightings):
                 poses = np.array([sighting.pose.array for sighting in kept if sighting.pose is not None])
@@ -362,8 +373,8 @@ class _Calibration:
                     residual[is_line],
                 )
             )
-        is_assumed = self.start is None and self._mount is None
-        notes = undetermined(fit, covariance, choices[0].tilted, is_assumed, settings)
+        is_assumed = self.start is None and self.mount is None
+        notes = undetermined(covariance, choices[0].tilted, is_assumed)
         if not self.field.is_bounded:
             equally_good = [chooser.final(choice, width_px).camera for choice in chooser.equally_good(choices[0])]
             notes.append(f"the floor's range: {trust.range_note(fit, covariance, equally_good)}")
@@ -392,16 +403,15 @@ class _Explained:
         return dataclasses.replace(self, fit=fit)
 
 
-def _distinct(fits: Sequence[Fit], max_ratio: float, settings: OmniCalibrationSettings) -> list[Fit]:
+def _distinct(fits: Sequence[Fit], max_ratio: float) -> list[Fit]:
     """Return the best of fits in order of cost, and those of similar cost whose cameras differ from all before."""
     kept = [fits[0]]
     for fit in fits[1:]:
-        if fit.cost > max_ratio * fits[0].cost + settings.rival_excess:
+        if fit.cost > max_ratio * fits[0].cost + _RIVAL_EXCESS:
             continue
-        side = min(fit.camera.size_px)
+        min_px = _MIN_RIVAL_CENTER_RATIO * min(fit.camera.size_px)
         differences = [_difference(fit, other) for other in kept]
-        min_px, min_curve = settings.min_rival_center_ratio * side, settings.min_rival_curve
-        if all(center_px > min_px or curve > min_curve for center_px, curve in differences):
+        if all(center_px > min_px or curve > _MIN_RIVAL_CURVE for center_px, curve in differences):
             kept.append(fit)
     return kept
 

@@ -13,12 +13,29 @@ import numpy.typing as npt
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points, truncated
-from robocup_vision.calibration.omni.model import CENTER, CURVES, HORIZON, SCALE, TILT, CameraModel, Curve
+from robocup_vision.calibration.omni.model import CENTER, CURVES, HORIZON, MAX_TILT_RAD, SCALE, TILT, Curve
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 from robocup_vision.calibration.omni.starts import Observer, Sighting
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.lines.line_map import LineMap
+
+# greatest residual of an inlier, in units of `Search.unit_px`
+AGREEMENT = 2.0
+# sectors of the image about the camera's centre; every other one is held out
+_SECTORS = 12
+# residual scales of the loss: in units before the last one, and the last one, by which families are compared: a few
+# times the points' noise
+_SCALES, _SCALE_PX = (2.0, 1.0), 1.0
+# least gain on held-out points, in standard errors, for a family with more parameters
+_MIN_GAIN_STDS = 2.0
+# chi-square of a significant tilt: 2 degrees of freedom, 99.9 %
+_MIN_TILT_CHI2 = 13.8
+# correlation above which two numbers are reported as inseparable
+_MAX_CORRELATION = 0.9
+# least number of points on a visible line, and their least ratio among all inliers
+_MIN_FEATURE_POINTS, _MIN_FEATURE_RATIO = 12, 0.02
+# without walls: ranges, in robot radii, that must be determined
+_RANGE_RADII = np.array([3.0, 6.0, 10.0])
 
 MORE = "give more frames, from other places and headings"
 
@@ -50,9 +67,7 @@ class Chooser:
     max_change : (float, float, float)
         Greatest changes from the start, see `CameraModel.bounds`.
     unit_px : float
-        Pixels of one unit of residuals, see `Search.unit_px`.
-    settings : OmniCalibrationSettings, optional
-        Its `choice`, `fit` and `model` are used.
+        See `Search.unit_px`.
     """
 
     def __init__(
@@ -62,19 +77,17 @@ class Chooser:
         fit: Fit,
         max_change: tuple[float, float, float],
         unit_px: float,
-        settings: OmniCalibrationSettings = OmniCalibrationSettings(),
     ) -> None:
         self.shape, self.points, self.fit = shape, points, fit
-        self._max_change, self._all_settings, self._settings = max_change, settings, settings.choice
-        self._scales = (*(scale * unit_px for scale in settings.choice.scales), settings.choice.scale_px)
-        sectors = settings.choice.sectors
+        self._max_change = max_change
+        self._scales = (*(scale * unit_px for scale in _SCALES), _SCALE_PX)
         offset = points.pixels - np.array(fit.camera.center_px)
-        sector = np.floor(np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) * sectors).astype(int)
+        sector = np.floor(np.arctan2(offset[:, 1], offset[:, 0]) / (2 * np.pi) * _SECTORS).astype(int)
         # alternating between frames, so that no direction is held out in all of them
         self._half = halves(sector + points.frame, points.frame)
         self._tried: tuple[_Trial, ...] = ()
         # errors within one sector of a frame are correlated
-        self._group = np.unique(points.frame * 2 * sectors + sector, return_inverse=True)[1].ravel()
+        self._group = np.unique(points.frame * 2 * _SECTORS + sector, return_inverse=True)[1].ravel()
 
     def choose(self) -> tuple[Choice, ...]:
         """Return all choices, best first: the fit's family without tilt, unless another is significantly better.
@@ -108,15 +121,14 @@ class Chooser:
 
     def _is_tilted(self, choice: Choice) -> bool:
         """Whether the fitted tilt is significant."""
-        fit = self.final(choice, self._settings.scale_px)
-        joint = self._joint(self.points)
-        covariance = joint.covariance(fit)[TILT, TILT]
+        fit = self.final(choice, _SCALE_PX)
+        covariance = self._joint(self.points).covariance(fit)[TILT, TILT]
         tilt = fit.vector[TILT] - fit.model.vector(fit.model.frame)[TILT]
-        return float(tilt @ np.linalg.solve(covariance, tilt)) > self._settings.min_tilt_chi2
+        return float(tilt @ np.linalg.solve(covariance, tilt)) > _MIN_TILT_CHI2
 
     def _is_better(self, trial: _Trial, other: _Trial) -> bool:
         gain = np.bincount(self._group, self.points.weight * (other.loss - trial.loss))
-        return bool(gain.sum() > self._settings.min_gain_stds * np.sqrt(np.sum(gain**2)))
+        return bool(gain.sum() > _MIN_GAIN_STDS * np.sqrt(np.sum(gain**2)))
 
     def final(self, choice: Choice, scale_px: float) -> Fit:
         """Fit a family to all points, with a final residual scale in pixels."""
@@ -128,9 +140,8 @@ class Chooser:
             seen, hidden = self.points.take(self._half == half), self._half != half
             fit = self._fit(seen, curve, tilted, self._scales)
             residual[hidden] = self._joint(self.points.take(hidden)).residuals(fit.camera, fit.poses, fit.paint_m)
-        scale_px = self._settings.scale_px
-        loss = truncated(residual, scale_px)
-        good = np.abs(residual)[np.abs(residual) < 3 * scale_px]
+        loss = truncated(residual, _SCALE_PX)
+        good = np.abs(residual)[np.abs(residual) < 3 * _SCALE_PX]
         weight = self.points.weight
         choice = Choice(
             curve, tilted, float(weight @ loss / weight.sum()), float(np.median(good)) if len(good) else np.inf
@@ -138,7 +149,7 @@ class Chooser:
         return _Trial(choice, loss)
 
     def _joint(self, points: Points) -> JointFit:
-        return JointFit(self.shape, points, self._all_settings.fit, painted=True)
+        return JointFit(self.shape, points, painted=True)
 
     def _fit(self, points: Points, curve: Curve, tilted: bool, scales: Sequence[float]) -> Fit:
         model = dataclasses.replace(self.fit.model, curve=curve)
@@ -233,9 +244,7 @@ def range_std(
     return std
 
 
-def undetermined(
-    fit: Fit, covariance: FloatArray, tilted: bool, unknown: bool, settings: OmniCalibrationSettings
-) -> list[str]:
+def undetermined(covariance: FloatArray, tilted: bool, unknown: bool) -> list[str]:
     """Return a note for each parameter that the images do not determine, or do not separate from another.
 
     Parameters
@@ -244,14 +253,12 @@ def undetermined(
         Whether the tilt was fitted.
     unknown : bool
         Whether there is no start.
-    settings : OmniCalibrationSettings
-        Its `max_correlation` is used.
     """
     notes = []
     std = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(std, std)
     for tilt, center, names in ((2, 1, ("center v", "tilt x")), (3, 0, ("center u", "tilt y"))):
-        if abs(correlation[tilt, center]) > settings.max_correlation:
+        if abs(correlation[tilt, center]) > _MAX_CORRELATION:
             px = abs(covariance[tilt, center] / covariance[tilt, tilt]) * math.radians(0.1)
             notes.append(
                 f"{' and '.join(names)} are hard to separate (correlation "
@@ -283,8 +290,6 @@ def confirmed(
         Camera, and the pose of each sighting.
     mask : (H, W) uint8, optional
         Non-zero pixels are ignored.
-    settings : OmniCalibrationSettings, optional
-        Its `max_confirmed_radii` and `points` are used.
 
     Returns
     -------
@@ -293,7 +298,7 @@ def confirmed(
     dict of int to str
         Reason for each other frame, by its index.
     """
-    observer = Observer(field, fit.model.written(fit.vector), mask, locate=True, settings=settings.points)
+    observer = Observer(field, fit.model.written(fit.vector), mask, locate=True)
     max_m = settings.max_confirmed_radii * field.robot_radius_m
     kept, notes = [], {}
     for sighting, array in zip(sightings, fit.poses, strict=True):
@@ -312,29 +317,24 @@ def confirmed(
 class Trust:
     """Checks whether a fit is reliable."""
 
-    field: Field
-    line_map: LineMap
+    shape: FieldShape
     started: bool  #: whether there is a start
-    unit_px: float  #: pixels of one unit of residuals, see `Search.unit_px`
-    settings: OmniCalibrationSettings = OmniCalibrationSettings()  #: its limits are used
+    unit_px: float  #: see `Search.unit_px`
+    #: greatest changes of the centre (px) and of the logarithms of scale and horizon from the start
+    max_change: tuple[float, float, float]
+    settings: OmniCalibrationSettings = OmniCalibrationSettings()
 
-    def problem(self, fit: Fit, covariance: FloatArray, points: Points, model: CameraModel) -> str:
-        """Return why a fit is not reliable; empty if it is.
-
-        Parameters
-        ----------
-        model : CameraModel
-            The family at the start of the search; its `frame` is the start.
-        """
-        settings = self.settings
-        agrees = np.abs(fit.residual_px) < settings.agreement * self.unit_px
+    def problem(self, fit: Fit, covariance: FloatArray, points: Points) -> str:
+        """Return why a fit is not reliable; empty if it is."""
+        settings, field = self.settings, self.shape.field
+        agrees = np.abs(fit.residual_px) < AGREEMENT * self.unit_px
         ratio = float(points.weight[agrees].sum() / points.weight.sum())
         if ratio < settings.min_inlier_ratio:
-            return f"only {ratio:.0%} of the points found lie on the walls and lines of field '{self.field.name}'"
-        is_free = not self.started and not self.field.is_bounded
+            return f"only {ratio:.0%} of the points found lie on the walls and lines of field '{field.name}'"
+        is_free = not self.started and not field.is_bounded
         if is_free and self._features(fit, points, agrees) < settings.min_features:
             return "the few lines in view look alike at any size; give more frames, from other places, or a start"
-        problem = "" if self.field.is_bounded else self._unsure_of_lines(fit, covariance, points, agrees)
+        problem = "" if field.is_bounded else self._unsure_of_lines(fit, covariance, points, agrees)
         if problem:
             return problem
         side = min(fit.camera.size_px)
@@ -346,14 +346,13 @@ class Trust:
         if std[SCALE : HORIZON + 1].max() > settings.max_curve_std:
             worst = 100 * std[SCALE : HORIZON + 1].max()
             return f"the images do not determine the mirror's curve: its standard deviation is {worst:.0f} %; {MORE}"
-        center_px = settings.max_center_ratio * side
-        low, high = fit.model.bounds(fit.model.vector(model.frame), center_px, *settings.max_log_curve)
+        low, high = fit.model.bounds(fit.model.vector(fit.model.frame), *self.max_change)
         off = np.minimum(fit.vector - low, high - fit.vector)
         if off[CENTER].min() < 1e-6:
-            limit = f"{center_px:.0f} px from the start's"
+            limit = f"{self.max_change[0]:.0f} px from the start's"
             return f"the centre reached its limit, {limit}: are camera file and field those of the images?"
         if self.started and off[SCALE : HORIZON + 1].min() < 1e-6:
-            return "the curve reached the limit that the start sets" + "; try without a start" * self.field.is_bounded
+            return "the curve reached the limit that the start sets" + "; try without a start" * field.is_bounded
         return ""
 
     def range_note(self, fit: Fit, covariance: FloatArray, equally_good: Sequence[OmniCamera] = ()) -> str:
@@ -370,28 +369,28 @@ class Trust:
 
     @property
     def _range_m(self) -> FloatArray:
-        return np.array(self.settings.range_radii) * self.field.robot_radius_m
+        return _RANGE_RADII * self.shape.field.robot_radius_m
 
     def _range_std(self, fit: Fit, covariance: FloatArray, equally_good: Sequence[OmniCamera] = ()) -> FloatArray:
         return range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / self._range_m), equally_good)
 
     def _unsure_of_lines(self, fit: Fit, covariance: FloatArray, points: Points, agrees: npt.NDArray[np.bool_]) -> str:
         """Return why lines alone do not determine the camera; empty if they do."""
-        settings = self.settings
+        settings, field = self.settings, self.shape.field
         features = self._features(fit, points, agrees)
         single, unknown = len(fit.poses) == 1, not self.started
         if single and features < (settings.min_single_features if unknown else settings.min_started_features):
             return f"one image of so few lines does not determine a camera: lines lie where they were painted; {MORE}"
         few = single and features <= settings.min_started_features
-        height_m, highest_m = fit.camera.height_m or 0.0, settings.max_height_radii * self.field.robot_radius_m
+        height_m, highest_m = fit.camera.height_m or 0.0, settings.max_height_radii * field.robot_radius_m
         if few and unknown and height_m > highest_m:
             # a similar field of another size fits with a higher mirror
             return (
                 f"the curve is that of a mirror {height_m:.2f} m high, more than robots are: is field "
-                f"'{self.field.name}' that of the image? {MORE}, or a start"
+                f"'{field.name}' that of the image? {MORE}, or a start"
             )
         off_m = float(np.hypot(*fit.camera.tilt_rad)) * height_m
-        if off_m > settings.model.max_tilt_rad * highest_m:
+        if off_m > MAX_TILT_RAD * highest_m:
             return (
                 f"the tilt found puts the mirror's axis {100 * off_m:.0f} cm beside the robot's place: give a start "
                 f"with viewpoint_height_m, or {MORE.removeprefix('give ')}"
@@ -405,10 +404,10 @@ class Trust:
         """Return the number of the field's lines and arcs with enough points."""
         floor_m = fit.camera.pixel_to_floor(points.pixels[agrees])
         frame = points.frame[agrees]
-        count = np.zeros(len(self.field.lines) + len(self.field.arcs), dtype=np.int64)
+        count = np.zeros(len(self.shape.lines) + len(self.shape.arcs), dtype=np.int64)
         for place, pose in enumerate(fit.poses):
             on_field = Pose2(*pose.tolist()).transform(floor_m[frame == place])
             on_field = on_field[np.isfinite(on_field).all(axis=1)]
-            count += np.bincount(self.line_map.nearest(on_field).index, minlength=len(count))
-        least = max(self.settings.min_feature_points, self.settings.min_feature_ratio * count.sum())
+            count += np.bincount(self.shape.nearest(on_field).which, minlength=len(count))
+        least = max(_MIN_FEATURE_POINTS, _MIN_FEATURE_RATIO * count.sum())
         return int(np.count_nonzero(count >= least))

@@ -14,6 +14,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -32,15 +33,28 @@ from robocup_vision.calibration.least_squares import (
     solve,
 )
 from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel
-from robocup_vision.calibration.omni.settings import JointFitSettings
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.lines.lines import nearest_lines
+from robocup_vision.localization.lines.line_map import LineMap
 
 # sideways at the start and at the end of a line; or radius and centre of an arc
 _NUMBERS = 3
 # step of the numerical derivatives, in each parameter's unit
 _STEP = 1e-4
 _MIN_SLOPE = 1e-9
+# bounds of one iteration's step, within which the linearisation holds: centre, tilt, logarithms of the curve, poses
+# (metres and radians)
+_MAX_CENTER_STEP_PX, _MAX_TILT_STEP_RAD, _MAX_LOG_STEP, _MAX_POSE_STEP = 4.0, 0.02, 0.08, 0.15
+# greatest range of a line point, in diagonals of the field; farther points are outside the field
+_MAX_LINE_DIAGONALS = 1.5
+# number of neighbouring points that count as one measurement, because their errors are correlated
+_POINTS_PER_MEASUREMENT = 3.0
+# least noise of a point: that of edge detection
+_MIN_NOISE_PX = 0.15
+# sectors of the image, whose points form a group with correlated errors in the covariance
+_SECTORS = 16
+# standard deviation of the painted place of a line's ends, in line widths, for lines painted by hand
+_PAINT_STD_WIDTHS = 0.3
 
 
 class LineForms(NamedTuple):
@@ -52,18 +66,13 @@ class LineForms(NamedTuple):
 
 
 class FieldShape:
-    """A field's walls and lines, for residuals of points.
+    """A field's walls and lines, for residuals of points."""
 
-    Parameters
-    ----------
-    settings : JointFitSettings, optional
-        Provides the greatest range of a line point.
-    """
-
-    def __init__(self, field: Field, settings: JointFitSettings = JointFitSettings()) -> None:
+    def __init__(self, field: Field) -> None:
+        self.field = field
         self.walls = np.ascontiguousarray(field.walls if field.is_bounded else np.empty((0, 4)))
         self.lines, self.arcs = np.ascontiguousarray(field.lines), np.ascontiguousarray(field.arcs)
-        self.reach_m = settings.max_line_diagonals * float(np.hypot(*np.ptp(field.floor_polygon, axis=0)))
+        self.reach_m = _MAX_LINE_DIAGONALS * float(np.hypot(*np.ptp(field.floor_polygon, axis=0)))
         self.low, self.high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
         ends = np.vstack([self.walls, self.lines])
         along = ends[:, 2:] - ends[:, :2]
@@ -71,7 +80,12 @@ class FieldShape:
         # (S, 3): n_x, n_y, -d of all straight walls and lines
         self.straight = np.column_stack([normal, -np.einsum("ij,ij->i", normal, ends[:, :2])])
         # walls are where the field file says, and fix the pose without the lines
-        self.paint_std_m = 0.0 if field.is_bounded else settings.paint_std_widths * field.line_width_m
+        self.paint_std_m = 0.0 if field.is_bounded else _PAINT_STD_WIDTHS * field.line_width_m
+
+    @cached_property
+    def line_map(self) -> LineMap:
+        """Distances to the lines, for poses by lines alone."""
+        return LineMap(self.field)
 
     def visible_wall(self, eye_m: FloatArray, direction: FloatArray) -> Int64Array:
         """Index (N,) of the wall first met from eyes (N, 2) along directions (N, 2), field frame; -1 if none."""
@@ -207,18 +221,9 @@ class JointFit:
         Whether the deviations of painted lines from the field file are fitted under their prior.
     """
 
-    def __init__(
-        self,
-        shape: FieldShape,
-        points: Points,
-        settings: JointFitSettings = JointFitSettings(),
-        *,
-        painted: bool = False,
-    ) -> None:
-        self.shape = shape
+    def __init__(self, shape: FieldShape, points: Points, *, painted: bool = False) -> None:
+        self.shape, self.points = shape, points
         self._painted = painted and shape.paint_std_m > 0
-        self.points = points
-        self.settings = settings
         self._first = np.searchsorted(points.frame, np.arange(points.frames))
         self._total = float(points.weight.sum())
 
@@ -355,13 +360,12 @@ class JointFit:
             moved = homogeneous(model.camera(ahead), pixels)
             by_vector[:, g] = np.einsum("ij,ij->i", state.covector, moved - state.place) / _STEP
         by_own = np.einsum("ipj,ij->ip", state.by_pose, state.place)
-        sectors = self.settings.sectors
         turn = np.arctan2(*(pixels - vector[CENTER]).T[::-1]) / math.tau + 0.5
         return Residuals(
             np.where(state.known, state.residual_px, np.inf),
             np.hstack([by_vector, by_paint]) / state.slope[:, None],
             by_own / state.slope[:, None],
-            np.floor(turn * sectors).astype(np.int64),
+            np.floor(turn * _SECTORS).astype(np.int64),
         )
 
     def _frames(
@@ -393,13 +397,13 @@ class JointFit:
         free: npt.NDArray[np.bool_],
     ) -> float:
         """Do one Gauss-Newton step in place; return its size relative to the bounds of a step, for a stop test."""
-        settings, count = self.settings, len(vector)
+        count = len(vector)
         points = self.linearise(model, vector, poses, free, paint_m)
         # invisible lines are fixed
         seen = np.flatnonzero(points.by_camera[:, count:].any(axis=0))
         moves = np.concatenate([np.flatnonzero(free), count + seen])
         points = replace(points, by_camera=points.by_camera[:, moves])
-        noise_px = math.sqrt(settings.points_per_measurement) * max(scale / 2, settings.min_noise_px)
+        noise_px = math.sqrt(_POINTS_PER_MEASUREMENT) * max(scale / 2, _MIN_NOISE_PX)
         frames = [frame for _, _, _, frame in self._frames(points, scale, noise_px)]
         numbers = np.concatenate([vector - prior, np.zeros(0) if paint_m is None else paint_m.ravel()])
         precision = self._prior(model, paint_m)[moves]
@@ -408,12 +412,12 @@ class JointFit:
             total += information
             pull += gradient
         step = solve(total, pull)
-        most = np.full(count + len(numbers), settings.max_log_step)
-        most[CENTER], most[TILT] = settings.max_center_step_px, settings.max_tilt_step_rad
+        most = np.full(count + len(numbers), _MAX_LOG_STEP)
+        most[CENTER], most[TILT] = _MAX_CENTER_STEP_PX, _MAX_TILT_STEP_RAD
         most = most[moves]
         step *= min(1.0, float(np.min(most / np.maximum(np.abs(step), 1e-12))))
         pose_step = np.array([frame.own_step(step) for frame in frames])
-        pose_step *= np.minimum(1.0, settings.max_pose_step / np.maximum(np.abs(pose_step).max(axis=1), 1e-12))[:, None]
+        pose_step *= np.minimum(1.0, _MAX_POSE_STEP / np.maximum(np.abs(pose_step).max(axis=1), 1e-12))[:, None]
         before, of_vector = vector.copy(), len(moves) - len(seen)
         vector[free] += step[:of_vector]
         np.clip(vector, *bounds, out=vector)
@@ -431,7 +435,7 @@ class JointFit:
         free, also those that were fixed in the fit.
         """
         points = self.linearise(fit.model, fit.vector, fit.poses, np.ones(fit.model.size, dtype=bool), fit.paint_m)
-        spread = spread_px(points.residual_px, self.settings)
+        spread = spread_px(points.residual_px)
         frames = self._frames(points, 3 * spread, spread)
         information = np.diag(self._prior(fit.model, fit.paint_m))
         information += sum(frame.reduced()[0] for *_, frame in frames)
@@ -445,12 +449,12 @@ def truncated(residual_px: FloatArray, scale_px: float) -> FloatArray:
     return np.asarray(1.0 - 1.0 / (1.0 + np.square(residual_px / scale_px)))
 
 
-def spread_px(residual_px: FloatArray, settings: JointFitSettings = JointFitSettings()) -> float:
+def spread_px(residual_px: FloatArray) -> float:
     """Robust standard deviation of residuals (N,) after rejection of outliers."""
     within = 3.0
     for _ in range(5):
         good = residual_px[np.abs(residual_px) <= within]
         if not len(good):
             break
-        within = 3 * least_squares.spread_px(good, settings.min_noise_px)
+        within = 3 * least_squares.spread_px(good, _MIN_NOISE_PX)
     return within / 3

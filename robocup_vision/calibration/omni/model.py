@@ -18,7 +18,6 @@ import numpy.typing as npt
 
 from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray
-from robocup_vision.calibration.omni.settings import CameraModelSettings
 from robocup_vision.camera.floor_range import FloorRange, Hyperboloid, Table, Tangent, magnified
 from robocup_vision.camera.omni import OmniCamera
 
@@ -29,6 +28,24 @@ CURVES: tuple[Curve, ...] = ("hyperboloid", "tangent", "table")
 Family = Literal[Curve, "magnified"]
 
 CENTER, TILT, SCALE, HORIZON = slice(0, 2), slice(2, 4), 4, 5
+# number of nodes of a table's stretch, evenly spaced over the usable radii: errors of a mirror's polish are smooth
+BENDS = 6
+# greatest stretch of a table: larger ones need another base curve
+MAX_BEND = 0.08
+# greatest tilt about either axis, beyond that of intact mounts
+MAX_TILT_RAD = math.radians(6.0)
+# bounds of a hyperboloid's sqrt(C), in horizon radii: at the upper one it is practically a paraboloid
+_ROOT_OVER_HORIZON = (0.3, 30.0)
+# prior standard deviations: of the centre, relative to the image's smaller side; of the tilt about either axis, as
+# mounts are level to a degree or two; of the logarithms of scale and horizon, the difference between robots; of the
+# logarithm of a hyperboloid's sqrt(C)/H; and of a table's stretches
+_CENTER_STD_RATIO, _TILT_STD_RAD, _CURVE_STD, _SHAPE_STD, _BEND_STD = 0.05, math.radians(1.5), 0.3, 0.5, 0.02
+# factor by which a start's table is extended in radius, because its centre may be wrong
+_PROLONGED = 1.1
+# number of rows of a written table: linear interpolation is then accurate to a hundredth of a pixel
+_TABLE_ROWS = 64
+# greatest range of a written table, in viewpoint heights: a pixel or two before the horizon
+_FARTHEST_HEIGHTS = 40.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,10 +108,10 @@ def scale_and_horizon(curve: FloorRange, usable_radius_px: tuple[float, float]) 
     return float(scale), math.sqrt(scale / fall)
 
 
-def _prolonged(table: Table, ratio: float) -> Table:
-    """Return a table extended at both ends by one row, its radius divided and multiplied by a ratio, linear in 1/r."""
+def _prolonged(table: Table) -> Table:
+    """Return a table extended at both ends by one row, linear in 1/r."""
     radius, q = table.table_radius_px, 1.0 / table.table_range_m
-    first, last = radius[0] / ratio, radius[-1] * ratio
+    first, last = radius[0] / _PROLONGED, radius[-1] * _PROLONGED
     inner = q[0] + (q[0] - q[1]) / (radius[1] - radius[0]) * (radius[0] - first)
     outer = q[-1] - (q[-2] - q[-1]) / (radius[-1] - radius[-2]) * (last - radius[-1])
     if outer <= 0.1 * q[-1]:
@@ -116,17 +133,15 @@ class CameraModel:
     #: provides all that is not in the vector: size, usable radii, heading, offset, mirroring
     frame: OmniCamera
     curve: Family  #: the family
-    settings: CameraModelSettings = CameraModelSettings()  #: prior and bounds of the vector
 
     @property
     def size(self) -> int:
         """Length of the vector."""
-        bends = self.settings.bends
-        return {"hyperboloid": 7, "tangent": 6, "table": 7 + bends, "own": 6 + bends, "magnified": 5}[self.curve]
+        return {"hyperboloid": 7, "tangent": 6, "table": 7 + BENDS, "own": 6 + BENDS, "magnified": 5}[self.curve]
 
     @property
     def _nodes_px(self) -> FloatArray:
-        return np.linspace(*self.frame.usable_radius_px, self.settings.bends)
+        return np.linspace(*self.frame.usable_radius_px, BENDS)
 
     @cached_property
     def _own(self) -> tuple[Table, float, float]:
@@ -134,7 +149,7 @@ class CameraModel:
         table = self.frame.floor_range
         if not isinstance(table, Table):
             raise ArgumentError(f"only a table can be stretched as it is, got a {type(table).__name__}")
-        return _prolonged(table, self.settings.prolonged), *scale_and_horizon(table, self.frame.usable_radius_px)
+        return _prolonged(table), *scale_and_horizon(table, self.frame.usable_radius_px)
 
     def vector(self, camera: OmniCamera) -> FloatArray:
         """Return the vector (G,) of the member of this family that is closest to a camera."""
@@ -148,7 +163,7 @@ class CameraModel:
         head = [*camera.center_px, *camera.tilt_rad, math.log(scale), math.log(horizon)]
         root = 4.0
         if isinstance(camera.floor_range, Hyperboloid):
-            low, high = self.settings.root_over_horizon
+            low, high = _ROOT_OVER_HORIZON
             root = min(max(math.sqrt(camera.floor_range.C_px2) / horizon, low), high)
         vector = np.zeros(self.size)
         vector[:6] = head
@@ -201,22 +216,20 @@ class CameraModel:
         inner, outer = camera.usable_radius_px
         radius = np.linspace(0.5 * inner, 1.1 * outer, 2000)
         q = bent.inverse_range_per_m(radius)
-        reach = 1.0 / (self.settings.farthest_heights * (camera.height_m or 1.0))
+        reach = 1.0 / (_FARTHEST_HEIGHTS * (camera.height_m or 1.0))
         last = int(np.argmax(q < reach)) if (q < reach).any() else len(q)
-        rows = np.linspace(radius[0], radius[last - 1], self.settings.table_rows)
+        rows = np.linspace(radius[0], radius[last - 1], _TABLE_ROWS)
         curve = Table(rows, 1.0 / bent.inverse_range_per_m(rows))
         return dataclasses.replace(camera, floor_range=curve)
 
     def prior_std(self) -> FloatArray:
         """(G,) prior standard deviations of the vector."""
-        width, height = self.frame.size_px
-        settings = self.settings
-        std = np.full(self.size, settings.bend_std)
-        std[CENTER] = settings.center_std_ratio * min(width, height)
-        std[TILT] = settings.tilt_std_rad
-        std[SCALE : HORIZON + 1] = settings.curve_std
+        std = np.full(self.size, _BEND_STD)
+        std[CENTER] = _CENTER_STD_RATIO * min(self.frame.size_px)
+        std[TILT] = _TILT_STD_RAD
+        std[SCALE : HORIZON + 1] = _CURVE_STD
         if self.curve != "own":
-            std[6:7] = settings.shape_std
+            std[6:7] = _SHAPE_STD
         return std
 
     def bounds(
@@ -231,11 +244,11 @@ class CameraModel:
         log_scale, log_horizon : float
             Greatest changes of the logarithms of K and H.
         """
-        reach = np.full(self.size, self.settings.max_bend)
+        reach = np.full(self.size, MAX_BEND)
         reach[CENTER] = center_px
-        reach[TILT] = self.settings.max_tilt_rad
+        reach[TILT] = MAX_TILT_RAD
         reach[SCALE], reach[HORIZON] = log_scale, log_horizon
         low, high = start - reach, start + reach
         if self.curve != "own":
-            low[6:7], high[6:7] = np.log(self.settings.root_over_horizon)
+            low[6:7], high[6:7] = np.log(_ROOT_OVER_HORIZON)
         return low, high

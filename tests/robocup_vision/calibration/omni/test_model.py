@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 
 from field_models.errors import ArgumentError
 from robocup_vision.calibration.omni.model import (
+    BENDS,
     CENTER,
     CURVES,
     HORIZON,
+    MAX_BEND,
     SCALE,
     TILT,
     BentCurve,
@@ -21,11 +23,9 @@ from robocup_vision.calibration.omni.model import (
     scale_and_horizon,
     tangent_of,
 )
-from robocup_vision.calibration.omni.settings import CameraModelSettings
 from robocup_vision.camera import OmniCamera, Table, Tangent, load_camera, save_camera
 from sim2d.rendering.cameras import sekimori_camera
 
-BENDS = CameraModelSettings().bends
 USABLE = (26.0, 110.0)
 scales = st.floats(20.0, 1000.0)
 horizons = st.floats(60.0, 400.0)
@@ -135,7 +135,7 @@ def test_an_own_table_starts_as_it_is():
         rtol=1e-9,
     )
     low, high = model.bounds(vector, 10.0, 0.5, 0.3)
-    np.testing.assert_allclose((high - low)[6:], 2 * CameraModelSettings().max_bend)
+    np.testing.assert_allclose((high - low)[6:], 2 * MAX_BEND)
 
 
 @given(st.floats(0.7, 1.4), st.floats(0.8, 1.25))

@@ -7,15 +7,15 @@ import pytest
 
 from field_models import load_field
 from robocup_vision.calibration.omni.choice import Trust
-from robocup_vision.calibration.omni.fit import Fit, Points
+from robocup_vision.calibration.omni.fit import FieldShape, Fit, Points
 from robocup_vision.calibration.omni.model import CameraModel
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.lines.line_map import LineMap
 from sim2d.rendering.cameras import sekimori_camera
 
 FIELD = load_field("msl_6x4")
 POSE = Pose2(0.3, -0.2, 0.4)
+MAX_CHANGE = (22.0, 0.7, 0.4)
 
 
 @pytest.fixture(scope="module")
@@ -32,9 +32,8 @@ def seen():
 
 def problem(seen, covariance_scale=1e-8, *, started=False, **changed):
     fit, points = seen
-    settings = dataclasses.replace(OmniCalibrationSettings(), **changed)
-    trust = Trust(FIELD, LineMap(FIELD), started, 1.0, settings)
-    return trust.problem(fit, covariance_scale * np.eye(len(fit.vector)), points, fit.model)
+    trust = Trust(FieldShape(FIELD), started, 1.0, MAX_CHANGE, OmniCalibrationSettings(**changed))
+    return trust.problem(fit, covariance_scale * np.eye(len(fit.vector)), points)
 
 
 def lines_told_apart(seen):
@@ -99,7 +98,7 @@ def test_how_well_the_range_is_known_is_said_near_and_far(seen):
     fit, _ = seen
     covariance = np.zeros((len(fit.vector), len(fit.vector)))
     covariance[4, 4] = 0.01**2
-    trust = Trust(FIELD, LineMap(FIELD), False, 1.0)
+    trust = Trust(FieldShape(FIELD), False, 1.0, MAX_CHANGE)
     note = trust.range_note(fit, covariance)
     assert note == "its standard deviation is 1.0 % at 0.75 m, 1.0 % at 1.5 m, 1.0 % at 2.5 m"
     vector = fit.vector.copy()
