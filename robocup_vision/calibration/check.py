@@ -435,7 +435,7 @@ class _Check:
         if not isinstance(start, PinholeCamera) or not isinstance(camera, PinholeCamera) or camera.tilt_rad is None:
             return []
         some = dict(list(enumerate(self.frames))[:: -(-len(self.frames) // settings.max_calibrated)])
-        fit = calibrate_by_edges(self.dataset.field, some, [start], dict.fromkeys(some), StartTrials())
+        fit = calibrate_by_edges(self.dataset.field, some, [start], {}, StartTrials())
         if isinstance(fit, NotCalibrated) or len(fit.unknowns) < settings.min_turns:
             return []
         tilt_std, _, height_std, focal_std, *_ = np.sqrt(np.diag(fit.covariance)).tolist()

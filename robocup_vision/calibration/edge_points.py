@@ -50,15 +50,13 @@ class EdgePointFinder:
 
     Parameters
     ----------
-    settings : EdgeSettings
-        Settings of the search.
     mask : (H, W) uint8, optional
         Pixels where it is not zero are not used.
     """
 
-    def __init__(self, field: Field, width_px: int, settings: EdgeSettings, mask: UInt8Array | None = None) -> None:
+    def __init__(self, field: Field, width_px: int, mask: UInt8Array | None = None) -> None:
         prepare("pinhole_edges")
-        self._numbers, self._mask = settings.for_width(width_px, field.line_width_m), mask
+        self._numbers, self._mask = EdgeSettings().for_width(width_px, field.line_width_m), mask
         self.edges = field_edges(field)
         self._workspace = tables.empty_buffers(_MAX_SAMPLES, 0)
         first = [*self.edges.segments[self.edges.segments[:, 13] > 0, 11], *self.edges.arcs[:, 7]]

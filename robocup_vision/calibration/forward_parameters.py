@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,29 +16,17 @@ from robocup_vision.camera.pinhole import PinholeCamera
 TILT, ROLL, HEIGHT, LOG_FOCAL, LINE_WIDTH = 0, 1, 2, 3, 6
 CENTER = slice(4, 6)
 LENS = 7
-# number of distortion coefficients fitted for a free lens
-_COEFFICIENTS = 2
 # step of the numerical derivatives, in each parameter's unit
 _STEP = 1e-4
-
-
-@dataclass(frozen=True, slots=True)
-class StartStd:
-    """Standard deviations of a start before any picture."""
-
-    #: of tilt and roll, of the height, and of the logarithm of the focal length
-    angle_rad: float = 0.1
-    height_m: float = 0.1
-    log_focal: float = 0.15
-    #: of each coordinate of the centre, relative to the picture's width: a fisheye's is the tolerance of lenses on
-    #: sensors; a pinhole camera's is smaller, because its centre and tilt are hardly separable
-    center_ratio: float = 0.005
-    fisheye_center_ratio: float = 0.02
-    #: of the logarithm of the painted lines' width: the tolerance of tape measures and painting
-    log_line_width: float = 0.05
-    #: of the first two coefficients of the distortion, of a pinhole camera and of a fisheye: the range of common lenses
-    coefficients: tuple[float, float] = (0.2, 0.2)
-    fisheye_coefficients: tuple[float, float] = (0.05, 0.02)
+# standard deviations of a start before any picture: of tilt and roll, of the height, of the logarithm of the focal
+# length, and of that of the painted lines' width, which is the tolerance of tape measures and painting
+_ANGLE_STD_RAD, _HEIGHT_STD_M, _LOG_FOCAL_STD, _LOG_LINE_WIDTH_STD = 0.1, 0.1, 0.15, 0.05
+# those of each coordinate of the centre, relative to the picture's width, for a pinhole camera and a fisheye: a
+# fisheye's is the tolerance of lenses on sensors; a pinhole camera's is smaller, because its centre and tilt are hardly
+# separable
+_CENTER_STD_RATIO, _FISHEYE_CENTER_STD_RATIO = 0.005, 0.02
+# those of the first two coefficients of the distortion: the range of common lenses
+_COEFFICIENTS_STD, _FISHEYE_COEFFICIENTS_STD = (0.2, 0.2), (0.05, 0.02)
 
 
 class ForwardParameters:
@@ -52,29 +40,29 @@ class ForwardParameters:
         Whether the distortion is fitted; otherwise it is the start's.
     """
 
-    def __init__(self, start: PinholeCamera, std: StartStd = StartStd(), *, bends: bool = True) -> None:
-        self.start, self.std = start, std
+    def __init__(self, start: PinholeCamera, *, bends: bool = True) -> None:
+        self.start = start
         is_free = bends and (not isinstance(start, FisheyeCamera) or start.projection == "kannala_brandt")
-        self.coefficients = _COEFFICIENTS if is_free else 0
+        self.coefficients = len(_COEFFICIENTS_STD) if is_free else 0
         if is_free and not start.distortion:
             self.start = replace(start, distortion=(0.0,) * 4)
-        self.size = LENS + self.coefficients
 
     @property
     def start_std(self) -> FloatArray:
         """(G,) float64: standard deviations of a start."""
-        s, is_fisheye = self.std, isinstance(self.start, FisheyeCamera)
-        center = (s.fisheye_center_ratio if is_fisheye else s.center_ratio) * self.start.size_px[0]
-        of_lens = s.fisheye_coefficients if is_fisheye else s.coefficients
-        lens = of_lens[: self.coefficients]
-        return np.array([s.angle_rad, s.angle_rad, s.height_m, s.log_focal, center, center, s.log_line_width, *lens])
+        ratio, of_lens = _CENTER_STD_RATIO, _COEFFICIENTS_STD
+        if isinstance(self.start, FisheyeCamera):
+            ratio, of_lens = _FISHEYE_CENTER_STD_RATIO, _FISHEYE_COEFFICIENTS_STD
+        mounting = _ANGLE_STD_RAD, _ANGLE_STD_RAD, _HEIGHT_STD_M
+        center = (ratio * self.start.size_px[0],) * 2
+        return np.array([*mounting, _LOG_FOCAL_STD, *center, _LOG_LINE_WIDTH_STD, *of_lens[: self.coefficients]])
 
-    def vector(self, camera: PinholeCamera, log_line_width: float = 0.0) -> FloatArray:
-        """Return the vector (G,) of a camera."""
+    def vector(self, camera: PinholeCamera) -> FloatArray:
+        """Return the vector (G,) of a camera, with lines as wide as the field file says."""
         log_focal = math.log(camera.focal_px[0] / self.start.focal_px[0])
         lens = (*camera.distortion, 0.0, 0.0)[: self.coefficients]
         mounting = camera.tilt_rad or 0.0, camera.roll_rad or 0.0, camera.height_m
-        return np.array([*mounting, log_focal, *camera.center_px, log_line_width, *lens])
+        return np.array([*mounting, log_focal, *camera.center_px, 0.0, *lens])
 
     def camera(self, vector: FloatArray) -> PinholeCamera:
         """Return the camera of a vector (G,), in which line width and lens may be missing."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.calibration.forward.calibrator import Calibrator, EdgeCalibrationSettings, Locate
-from robocup_vision.calibration.forward.joint_fit import JointFit, Sighting
+from robocup_vision.calibration.forward.calibrator import Calibrator, Locate
+from robocup_vision.calibration.forward.joint_fit import SWAY_STD_M, JointFit, Sighting
 from robocup_vision.calibration.forward_parameters import HEIGHT, LENS, LOG_FOCAL, TILT, ForwardParameters
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.starts import StartTrials
@@ -19,6 +19,7 @@ from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
+from robocup_vision.localization.model_edges.evidence import CandidateSettings
 from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
 from robocup_vision.localization.model_edges.follower import EdgeFollower
 from robocup_vision.localization.model_edges.settings import EdgeSettings
@@ -26,15 +27,21 @@ from robocup_vision.localization.model_edges.weights import packaged_edge_weight
 
 # chi-square with two degrees of freedom, 99.9 %
 _BENDS_CHI2 = 13.8
+# standard deviations while starts are compared: of tilt and roll, and of height and focal length, relative; the poses
+# only have to start a fit
+_ANGLE_STD_RAD, _HEIGHT_RATIO, _FOCAL_STD = 0.05, 0.1, 0.06
+# greatest ranges of lines by which poses are proposed, with a start and with a result
+_START_RANGE_M, _RANGE_M = 6.0, 10.0
+# limits for the pose of a single picture, weaker than those of localisation, because one camera has to fit all pictures
+_CANDIDATES, _MAX_STD_M = CandidateSettings(min_probability=0.1, max_candidates=1), 0.3
 
 
 def calibrate_by_edges(
     field: Field,
     frames: Mapping[int, UInt8Array],
     starts: Sequence[PinholeCamera],
-    prior: Mapping[int, Pose2 | None],
+    prior: Mapping[int, Pose2],
     trials: StartTrials,
-    settings: EdgeCalibrationSettings = EdgeCalibrationSettings(),
 ) -> JointFit | NotCalibrated:
     """Calibrate a camera from all visible edges.
 
@@ -45,9 +52,11 @@ def calibrate_by_edges(
     starts : sequence of PinholeCamera
         Cameras of which one is close to the true one: focal length within 10 %, height within 15 %, and tilt, the same
         in all pictures, within 3 degrees.
+    prior : mapping of int to Pose2
+        Approximate camera poses (0.4 m, 9 degrees), by index, as far as known.
     """
     prepare("pinhole_edges")
-    calibrator = Calibrator(field, frames, prior, _EdgeLocator(field, settings), settings)
+    calibrator = Calibrator(field, frames, prior, _EdgeLocator(field))
     best = calibrator.best(starts, trials)
     if not best or best.parameters.coefficients or isinstance(best.camera, FisheyeCamera):
         return best
@@ -59,42 +68,39 @@ class _EdgeLocator:
     """Locates cameras by edges of lines, goals and walls."""
 
     field: Field
-    settings: EdgeCalibrationSettings
     nothing: str = "neither lines, goals nor walls place the camera in any of the images"
 
     def of_start(self, camera: PinholeCamera) -> Locate:
         """Return a function that locates a start camera."""
-        settings = self.settings
         loose = replace(
             camera,
             offset_m=(0.0, 0.0),
             pan_rad=0.0,
             roll_rad=camera.roll_rad or 0.0,
-            tilt_std_rad=settings.angle_std_rad,
-            roll_std_rad=settings.angle_std_rad,
-            height_std_m=settings.height_ratio * camera.height_m,
-            focal_std_px=settings.focal_std * camera.focal_px[0],
+            tilt_std_rad=_ANGLE_STD_RAD,
+            roll_std_rad=_ANGLE_STD_RAD,
+            height_std_m=_HEIGHT_RATIO * camera.height_m,
+            focal_std_px=_FOCAL_STD * camera.focal_px[0],
         )
-        return self._of(loose, settings.start_range_m)
+        return self._of(loose, _START_RANGE_M)
 
     def of_fit(self, fit: JointFit) -> Locate:
         """Return a function that locates a fitted camera."""
-        std, own = np.sqrt(np.diag(fit.covariance)), self.settings.fit
+        std = np.sqrt(np.diag(fit.covariance))
         _, sway = fit.camera.sway_std_rad
         tilt_std = math.hypot(sway, float(std[TILT]))
         camera = replace(
             fit.camera,
             tilt_std_rad=tilt_std,
             roll_std_rad=tilt_std,
-            height_std_m=math.hypot(own.sway_std_m, float(std[HEIGHT])),
+            height_std_m=math.hypot(SWAY_STD_M, float(std[HEIGHT])),
             focal_std_px=float(std[LOG_FOCAL]) * fit.camera.focal_px[0],
         )
-        return self._of(camera, self.settings.range_m)
+        return self._of(camera, _RANGE_M)
 
     def _of(self, camera: PinholeCamera, range_m: float) -> Locate:
         """Return a function that locates a camera within its standard deviations, by lines up to a range."""
-        own = self.settings
-        how = FinderSettings(max_range_m=range_m, nods=(), candidates=own.candidates, max_std_m=own.max_std_m)
+        how = FinderSettings(max_range_m=range_m, nods=(), candidates=_CANDIDATES, max_std_m=_MAX_STD_M)
         weights = packaged_edge_weights()
         finder = EdgeFinder(EdgeFollower(self.field, camera, EdgeSettings().for_unconfirmed_frames()), how)
 

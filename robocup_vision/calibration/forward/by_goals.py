@@ -14,7 +14,7 @@ import numpy as np
 
 from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
-from robocup_vision.calibration.forward.calibrator import Calibrator, EdgeCalibrationSettings, Locate
+from robocup_vision.calibration.forward.calibrator import Calibrator, Locate
 from robocup_vision.calibration.forward.joint_fit import JointFit, Sighting
 from robocup_vision.calibration.forward.starts import KnownOfCamera, starts_of
 from robocup_vision.calibration.not_calibrated import NotCalibrated
@@ -40,9 +40,8 @@ def calibrate_by_goals(
     field: Field,
     frames: Mapping[int, UInt8Array],
     start: PinholeCamera | KnownOfCamera,
-    prior: Mapping[int, Pose2 | None],
+    prior: Mapping[int, Pose2],
     trials: StartTrials,
-    settings: EdgeCalibrationSettings = EdgeCalibrationSettings(),
 ) -> JointFit | NotCalibrated:
     """Calibrate a camera, which a neck may turn, from goals and the edges around them.
 
@@ -52,8 +51,9 @@ def calibrate_by_goals(
         With goals of posts and a bar.
     frames : mapping of int to (H, W, 3) uint8
         BGR, by index.
-    prior : mapping of int to Pose2 or None
-        Approximate camera poses (0.4 m, 9 degrees), by index. A picture with one needs only lines, and no goal.
+    prior : mapping of int to Pose2
+        Approximate camera poses (0.4 m, 9 degrees), by index, as far as known. A picture with one needs
+        only lines, and no goal.
 
     Raises
     ------
@@ -62,15 +62,13 @@ def calibrate_by_goals(
     """
     prepare("pinhole_goal")
     height, width = next(iter(frames.values())).shape[:2]
-    level = replace(start, tilt_rad=0.0)
-    starts = starts_of((width, height), level)
-    by_neck = replace(settings, fit=replace(settings.fit, sway_std_rad=_NECK_STD_RAD))
-    found = Calibrator(field, frames, prior, _GoalLocator(field), by_neck).best(starts, trials)
+    starts = starts_of((width, height), replace(start, tilt_rad=0.0))
+    fixed = Calibrator(field, frames, prior, _GoalLocator(field))
+    found = replace(fixed, sway_std_rad=_NECK_STD_RAD).best(starts, trials)
     if not found:
         return found
     tilts = np.array([held[tables.TILT] for held in found.unknowns.values()])
     if len(tilts) > 1 and float(np.abs(tilts - np.median(tilts)).max()) < _MAX_TILT_SPREAD_RAD:
-        fixed = Calibrator(field, frames, prior, _GoalLocator(field), settings)
         return fixed.again(found) or found
     return replace(found, camera=replace(found.camera, tilt_rad=None, roll_rad=None))
 

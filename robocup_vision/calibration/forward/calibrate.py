@@ -121,7 +121,7 @@ def calibrate_forward(
             notes = (*notes, f"{error}: left out")
     if not frames:
         return NotCalibrated("none of the images can be read", notes)
-    prior = {index: (poses or {}).get(called[index]) for index in frames}
+    prior = {index: poses[called[index]] for index in frames if poses and called[index] in poses}
     is_tilt_known = start.tilt_rad is not None
     results: list[ForwardCalibration | NotCalibrated] = []
     # if goals show the half, the localisers need a pose to determine the tilt

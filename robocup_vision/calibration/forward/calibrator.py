@@ -13,40 +13,19 @@ from typing import Protocol
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
-from robocup_vision.calibration.forward.joint_fit import JointFit, JointFitSettings, JointFitter, Sighting
+from robocup_vision.calibration.forward.joint_fit import JointFit, JointFitter, Sighting
 from robocup_vision.calibration.forward_parameters import ForwardParameters
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.starts import StartTrials
 from robocup_vision.camera.fisheye import FisheyeCamera
-from robocup_vision.camera.pinhole import PinholeCamera
+from robocup_vision.camera.pinhole import SWAY_STD_RAD, PinholeCamera
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.model_edges.evidence import CandidateSettings
 from robocup_vision.progress import progress
 
-
-@dataclass(frozen=True, slots=True)
-class EdgeCalibrationSettings:
-    """Settings of a calibration by edges or goals."""
-
-    #: number of pictures by which starts are compared; a start that locates none of the first half is discarded
-    start_frames: int = 6
-    #: number of starts that are fitted to all pictures, and number of rounds of locating and fitting with the best one
-    starts_followed: int = 4
-    rounds: int = 3
-    #: standard deviations while starts are compared: of the tilt, and of height and focal length, relative; the poses
-    #: only have to start a fit
-    angle_std_rad: float = 0.05
-    height_ratio: float = 0.1
-    focal_std: float = 0.06
-    #: greatest ranges of lines by which poses are proposed, with a start and with a result
-    start_range_m: float = 6.0
-    range_m: float = 10.0
-    #: limits for the pose of a single picture, weaker than those of localisation, because one camera has to fit all
-    #: pictures
-    candidates: CandidateSettings = CandidateSettings(min_probability=0.1, max_candidates=1)
-    max_std_m: float = 0.3
-    fit: JointFitSettings = JointFitSettings()  #: of the joint fit
-
+# number of pictures by which starts are compared; a start that locates none of the first half is discarded
+_START_FRAMES = 6
+# number of starts that are fitted to all pictures
+_STARTS_FOLLOWED = 4
 
 # locates a camera from one picture, optionally near a pose: probability of the pose, and sighting
 Locate = Callable[[UInt8Array, Pose2 | None], tuple[float, Sighting] | None]
@@ -75,17 +54,16 @@ class Calibrator:
 
     field: Field
     frames: Mapping[int, UInt8Array]  #: (H, W, 3) uint8, BGR, by index
-    prior: Mapping[int, Pose2 | None]  #: approximate poses of the camera
+    prior: Mapping[int, Pose2]  #: approximate poses of the camera, as far as known
     locator: Locator
-    settings: EdgeCalibrationSettings
+    sway_std_rad: float = SWAY_STD_RAD  #: see `JointFitter`
 
     def best(self, starts: Sequence[PinholeCamera], trials: StartTrials) -> JointFit | NotCalibrated:
         """Return the fit with which most pictures agree, among those from the best starts."""
-        settings = self.settings
-        some = dict(list(self.frames.items())[:: -(-len(self.frames) // settings.start_frames)])
+        some = dict(list(self.frames.items())[:: -(-len(self.frames) // _START_FRAMES)])
         ranks = trials.results(_RankStart(some, self.prior, self.locator), starts, "starts")
         order = sorted(range(len(starts)), key=lambda place: ranks[place], reverse=True)
-        likely = [starts[place] for place in order[: settings.starts_followed] if ranks[place] > 0.0]
+        likely = [starts[place] for place in order[:_STARTS_FOLLOWED] if ranks[place] > 0.0]
         if not likely:
             return NotCalibrated(self.locator.nothing)
         followed = [self._followed(start) for start in progress(likely, len(likely), "likeliest starts")]
@@ -93,9 +71,7 @@ class Calibrator:
         if not fits:
             return NotCalibrated("too little of lines, goals and walls is in view in the images")
         best = max(fits, key=lambda fit: (len(fit.unknowns), -fit.rms_px))
-        for _ in progress(range(2, settings.rounds), settings.rounds - 2, "all images"):
-            best = self.again(best) or best
-        return best
+        return self.again(best) or best
 
     def _followed(self, start: PinholeCamera) -> JointFit | None:
         """Locate pictures with a start, and fit; then repeat both with the result."""
@@ -111,20 +87,20 @@ class Calibrator:
 
     def located(self, locate: Locate) -> dict[int, Sighting]:
         """Return the located pictures."""
-        found = {index: locate(frame, self.prior[index]) for index, frame in self.frames.items()}
+        found = {index: locate(frame, self.prior.get(index)) for index, frame in self.frames.items()}
         return {index: one[1] for index, one in found.items() if one is not None}
 
     def fitted(
         self, parameters: ForwardParameters, sightings: Mapping[int, Sighting], vector: FloatArray
     ) -> JointFit | None:
         """Fit camera and poses to located pictures; None if no picture agrees."""
-        return JointFitter(self.field, parameters, self.settings.fit).fit(sightings, vector)
+        return JointFitter(self.field, parameters, self.sway_std_rad).fit(sightings, vector)
 
 
 @dataclass(frozen=True, eq=False)
 class _RankStart:
     frames: Mapping[int, UInt8Array]
-    prior: Mapping[int, Pose2 | None]
+    prior: Mapping[int, Pose2]
     locator: Locator
 
     def __call__(self) -> Callable[[PinholeCamera], float]:
@@ -135,7 +111,7 @@ class _RankStart:
             for number, (index, frame) in enumerate(self.frames.items()):
                 if 2 * number >= len(self.frames) and total < 0.5:
                     break
-                answer = locate(frame, self.prior[index])
+                answer = locate(frame, self.prior.get(index))
                 if answer is not None:
                     total += answer[0]
             return total

@@ -27,28 +27,22 @@ from robocup_vision.calibration.least_squares import (
     solve,
 )
 from robocup_vision.camera.lens_table import lens_table
-from robocup_vision.camera.pinhole import SWAY_STD_RAD, PinholeCamera
+from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.model_edges import tables
-from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
+from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
 
 # indices of tilt, roll and height in the unknowns of `kernels.model_edges`
 _MOUNTING = slice(tables.TILT, tables.HEIGHT + 1)
-
-
-@dataclass(frozen=True, slots=True)
-class JointFitSettings:
-    """Settings of the joint fit."""
-
-    #: standard deviations of a body's tilt and roll, and of its height, about their rest
-    sway_std_rad: float = SWAY_STD_RAD
-    sway_std_m: float = 0.003
-    #: noise of a single sample, and common noise of the samples of an edge, in pixels of any picture; gates of the
-    #: first steps in pixels of a picture 208 wide, decreasing from a start's error to the noise; and least number of
-    #: samples of a picture
-    robust: Robust = Robust(Noise(0.15, 0.2), (4.0, 4.0, 3.0, 2.0, 1.5), 12)
-    last_steps: int = 5  #: number of steps after the gates
-    #: greatest spread of a picture's residuals relative to the median picture's; pictures above it have a wrong pose
-    max_spread_ratio: float = 3.0
+# standard deviation of a body's height about its rest
+SWAY_STD_M = 0.003
+# noise of a single sample, and common noise of the samples of an edge, in pixels of any picture; gates of the first
+# steps in pixels of a picture 208 wide, decreasing from a start's error to the noise; and least number of samples of a
+# picture
+_ROBUST = Robust(Noise(0.15, 0.2), (4.0, 4.0, 3.0, 2.0, 1.5), 12)
+# number of steps after the gates
+_LAST_STEPS = 5
+# greatest spread of a picture's residuals relative to the median picture's; pictures above it have a wrong pose
+_MAX_SPREAD_RATIO = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,18 +91,16 @@ class JointFitter:
     ----------
     parameters : ForwardParameters
         Free parameters, and the start.
+    sway_std_rad : float
+        Standard deviation of tilt and roll about their means, if the start does not state it.
     """
 
-    def __init__(
-        self, field: Field, parameters: ForwardParameters, settings: JointFitSettings = JointFitSettings()
-    ) -> None:
-        self._parameters, self._settings = parameters, settings
-        start = parameters.start
-        self._finder = EdgePointFinder(field, start.size_px[0], EdgeSettings().for_unconfirmed_frames())
-        scale = max(start.size_px[0] / DESIGN_WIDTH_PX, 1.0)
-        self._robust = settings.robust.scaled(scale, 1.0)
-        sway = settings.sway_std_rad if start.roll_std_rad is None else start.roll_std_rad
-        self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, settings.sway_std_m**-2])
+    def __init__(self, field: Field, parameters: ForwardParameters, sway_std_rad: float) -> None:
+        self._parameters, start = parameters, parameters.start
+        self._finder = EdgePointFinder(field, start.size_px[0])
+        self._robust = _ROBUST.scaled(max(start.size_px[0] / DESIGN_WIDTH_PX, 1.0), 1.0)
+        sway = sway_std_rad if start.roll_std_rad is None else start.roll_std_rad
+        self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, SWAY_STD_M**-2])
 
     def fit(self, sightings: Mapping[int, Sighting], vector: FloatArray) -> JointFit | None:
         """Fit a camera and its poses.
@@ -130,7 +122,7 @@ class JointFitter:
         unknowns = {index: one.unknowns.copy() for index, one in sightings.items()}
         pictures: dict[int, _Picture] = {}
         total = prior
-        for gate in (*self._robust.gates_px, *[0.0] * self._settings.last_steps):
+        for gate in (*self._robust.gates_px, *[0.0] * _LAST_STEPS):
             camera = self._parameters.camera(vector)
             lens = lens_table(camera)
             seen = {i: self._linearised(sightings[i], one, vector, camera, lens, gate) for i, one in unknowns.items()}
@@ -181,5 +173,5 @@ class JointFitter:
     def _without_misplaced(self, pictures: dict[int, _Picture]) -> dict[int, _Picture]:
         """Return the pictures whose residuals are comparable to the median one's."""
         spreads = [one.spread_px for one in pictures.values()]
-        most = self._settings.max_spread_ratio * float(np.median(spreads)) if spreads else 0.0
+        most = _MAX_SPREAD_RATIO * float(np.median(spreads)) if spreads else 0.0
         return {index: one for index, one in pictures.items() if one.spread_px <= most}

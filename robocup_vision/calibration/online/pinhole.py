@@ -19,7 +19,7 @@ from robocup_vision.calibration.online.settings import OnlineSettings
 from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import SWAY_STD_RAD, PinholeCamera
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX, EdgeSettings
+from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
 from robocup_vision.view import View
 
 _ANGLES = slice(0, 2)
@@ -56,7 +56,7 @@ class PinholeEvidence:
         self.reach[CENTER], self.reach[_ANGLES] = settings.max_center_px * px, settings.max_tilt_rad
         sway = max(camera.sway_std_rad[1], SWAY_STD_RAD)
         self._own = np.array([POSE_PRECISION] * 3 + [sway**-2, sway**-2, own.sway_std_m**-2])
-        self._finder = EdgePointFinder(field, camera.size_px[0], EdgeSettings(), mask)
+        self._finder = EdgePointFinder(field, camera.size_px[0], mask)
         self._reach_px = own.reach_px * px
         # time (s) of the last view, and the camera's heading, tilt and roll in it
         self._held: tuple[float, tuple[float, float, float]] | None = None
