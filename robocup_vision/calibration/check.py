@@ -35,8 +35,37 @@ from robocup_vision.progress import progress
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
-# least brightness for a reliable colour
-_MIN_COUNTS = 16
+# greatest number of images in use, evenly spread; of images tested with learnt colours; and of images for the
+# calibration of a pinhole camera
+_MAX_IMAGES, _MAX_TRIED, _MAX_CALIBRATED = 24, 8, 12
+# ratios of located images above which the field is right, and below which it is wrong; between them the images may just
+# show too little
+_MIN_LOCATED_RATIO, _MIN_SOME_RATIO = 0.8, 0.3
+# least ratio of located images whose poses agree with truth or odometry
+_MIN_SOME_AGREEING = 0.5
+# least brightness in counts of a reliable colour, and of the 99th percentile of a picture's pixels, above the sensor's
+# noise
+_MIN_COUNTS = 16.0
+# least difference in counts between the 1st and the 99th percentile of a picture's pixels
+_MIN_CONTRAST = 8.0
+# heights of robots' cameras, and focal lengths of lenses in picture widths: least and greatest
+_HEIGHTS_M, _FOCAL_RATIOS = (0.02, 3.0), (0.2, 20.0)
+# distance, angle or number of frames over which odometry is compared; shorter motions are not significant
+_MAX_WAY_M, _MAX_WAY_RAD, _MAX_WAY_FRAMES = 0.5, math.radians(15.0), 15
+# pictures of another subject: greatest ratio of located ones, and least ratio of those with ground in front of the
+# robot that is not green
+_MAX_STRAY_RATIO, _MIN_OTHER_RATIO = 0.1, 0.5
+# least mean inlier ratio of a correct set-up
+_MIN_AGREEMENT = 0.6
+# standard deviations of a significant error, and significant errors: of the centre, relative to the image's smaller
+# side; of the floor range, relative; and mean error of the headings
+_SIGNIFICANCE, _MAX_CENTER_RATIO, _MAX_RANGE_ERROR, _MAX_HEADING_ERROR_RAD = 3.0, 0.0015, 0.01, math.radians(3.0)
+# least intersection over union of the floor by fixed and by learnt colours
+_MIN_COLOR_AGREEMENT = 0.8
+# least number of headings, or of pictures of a calibration, for a decision
+_MIN_TURNS = 3
+# least evidence of an image, and of all images, about the order of the channels
+_MIN_CHANNEL_NATS, _REPORT_CHANNEL_NATS = 1.0, math.log(100.0)
 # subjects of `NearSetUp` that a calibration by edges determines more precisely
 _BY_EDGES = ("focal length", "height")
 
@@ -75,54 +104,7 @@ class Finding:
     evidence: str  #: a sentence with numbers
 
 
-@dataclass(frozen=True, slots=True)
-class CheckSettings:
-    """Settings of the check of a dataset."""
-
-    #: greatest number of images in use, evenly spread; of images tested with learnt colours; and of images for the
-    #: calibration of a pinhole camera
-    max_images: int = 24
-    max_tried: int = 8
-    max_calibrated: int = 12
-    #: ratios of located images above which the field is right, and below which it is wrong; between them the images may
-    #: just show too little
-    min_located_ratio: float = 0.8
-    min_some_ratio: float = 0.3
-    min_some_agreeing: float = 0.5  #: least ratio of located images whose poses agree with truth or odometry
-    #: counts that the 99th percentile of a picture's pixels must exceed, above the sensor's noise
-    max_dark: float = 16.0
-    #: least difference in counts between the 1st and the 99th percentile of a picture's pixels
-    min_contrast: float = 8.0
-    #: bounds of the height of robots' cameras
-    max_height_m: float = 3.0
-    min_height_m: float = 0.02
-    #: range of a lens's focal length, in picture widths
-    min_focal_ratio: float = 0.2
-    max_focal_ratio: float = 20.0
-    #: distance, angle or number of frames over which odometry is compared; shorter motions are not significant
-    max_way_m: float = 0.5
-    max_way_rad: float = math.radians(15.0)
-    max_way_frames: int = 15
-    #: pictures of another subject: greatest ratio of located ones, and least ratio of those with ground in front of the
-    #: robot that is not green
-    max_stray_ratio: float = 0.1
-    min_other_ratio: float = 0.5
-    min_agreement: float = 0.6  #: least mean inlier ratio of a correct set-up
-    #: significant errors of the centre, relative to the image's smaller side, and of the floor range, relative
-    max_center_ratio: float = 0.0015
-    max_range_error: float = 0.01
-    significance: float = 3.0  #: standard deviations of a significant error
-    #: significant mean error of the headings
-    max_heading_error_rad: float = math.radians(3.0)
-    #: least intersection over union of the floor by fixed and by learnt colours
-    min_color_agreement: float = 0.8
-    min_turns: int = 3  #: least number of headings, or of pictures of a calibration, for a decision
-    #: least evidence of an image, and of all images, about the order of the channels
-    min_channel_nats: float = 1.0
-    report_channel_nats: float = math.log(100.0)
-
-
-def check_dataset(dataset: Dataset, settings: CheckSettings = CheckSettings()) -> list[Finding]:
+def check_dataset(dataset: Dataset) -> list[Finding]:
     """Find errors in a dataset's files from some of its images.
 
     Parameters
@@ -135,25 +117,24 @@ def check_dataset(dataset: Dataset, settings: CheckSettings = CheckSettings()) -
     list of Finding
         In the order in which errors should be corrected. Checks whose result depends on a found error are omitted.
     """
-    images = list(_some_images(dataset, settings.max_images))
+    images = list(_some_images(dataset))
     findings = [_check_size(dataset, images)]
     good = [(name, frame) for name, frame in images if not isinstance(frame, FrameError)]
     if findings[0].state == "wrong" or not good:
         return [*findings, *_other_size(dataset, images)]
-    hiding = [*_check_lens(dataset.camera, settings), *_check_light([frame for _, frame in good], settings)]
+    hiding = [*_check_lens(dataset.camera), *_check_light([frame for _, frame in good])]
     if hiding:
         return [*findings, *hiding]
-    findings += _check_height(dataset.camera, settings)
-    check = _Check(dataset, [name for name, _ in good], [frame for _, frame in good], settings)
-    return [*findings, *check.run()]
+    findings += _check_height(dataset.camera)
+    return [*findings, *_Check(dataset, [name for name, _ in good], [frame for _, frame in good]).run()]
 
 
-def _some_images(dataset: Dataset, max_images: int) -> Iterator[tuple[str, UInt8Array | FrameError]]:
+def _some_images(dataset: Dataset) -> Iterator[tuple[str, UInt8Array | FrameError]]:
     count = len(dataset.image_names)
     if dataset.is_video:
-        yield from zip(dataset.image_names[:max_images], dataset.read_frames(), strict=False)
+        yield from zip(dataset.image_names[:_MAX_IMAGES], dataset.read_frames(), strict=False)
         return
-    chosen = sorted({int(i) for i in np.linspace(0, count - 1, min(count, max_images)).round()})
+    chosen = sorted({int(i) for i in np.linspace(0, count - 1, min(count, _MAX_IMAGES)).round()})
     for index in progress(chosen, len(chosen), "reading"):
         try:
             yield dataset.image_names[index], dataset.read_frame(index)
@@ -196,35 +177,35 @@ def _of_doctor(doctor: Doctor, found: tuple[NearSetUp, int], count: int) -> Find
     return Finding(near.subject, "wrong", evidence)
 
 
-def _check_light(frames: list[UInt8Array], settings: CheckSettings) -> list[Finding]:
+def _check_light(frames: list[UInt8Array]) -> list[Finding]:
     """Return findings about dark or uniform pictures."""
     count = len(frames)
     levels = [np.percentile(frame[::4, ::4].max(axis=2), (1, 99)).tolist() for frame in frames]
-    dark = sum(high < settings.max_dark for _, high in levels)
-    even = sum(high - low < settings.min_contrast and high >= settings.max_dark for low, high in levels)
-    if max(dark, even) <= (1 - settings.min_located_ratio) * count:
+    dark = sum(high < _MIN_COUNTS for _, high in levels)
+    even = sum(high - low < _MIN_CONTRAST and high >= _MIN_COUNTS for low, high in levels)
+    if max(dark, even) <= (1 - _MIN_LOCATED_RATIO) * count:
         return []
     if dark >= even:
         return [Finding("pictures", "wrong", f"{dark} of {count} are black or nearly so: is the lens covered?")]
     return [Finding("pictures", "wrong", f"{even} of {count} have the same brightness all over, and show nothing")]
 
 
-def _check_height(camera: OmniCamera | PinholeCamera, settings: CheckSettings) -> list[Finding]:
+def _check_height(camera: OmniCamera | PinholeCamera) -> list[Finding]:
     """Return findings about a height outside those of robots."""
-    height_m = camera.height_m
-    if height_m is None or settings.min_height_m <= height_m <= settings.max_height_m:
+    (least_m, most_m), height_m = _HEIGHTS_M, camera.height_m
+    if height_m is None or least_m <= height_m <= most_m:
         return []
     key = "height_m" if isinstance(camera, PinholeCamera) else "viewpoint_height_m"
     evidence = f"it is {height_m:g} m above the floor by the camera file: {key} is in metres"
     return [Finding("camera", "wrong", evidence)]
 
 
-def _check_lens(camera: OmniCamera | PinholeCamera, settings: CheckSettings) -> list[Finding]:
+def _check_lens(camera: OmniCamera | PinholeCamera) -> list[Finding]:
     """Return findings about a focal length outside those of lenses."""
     if not isinstance(camera, PinholeCamera):
         return []
-    ratio = camera.focal_px[0] / camera.size_px[0]
-    if settings.min_focal_ratio <= ratio <= settings.max_focal_ratio:
+    (least, most), ratio = _FOCAL_RATIOS, camera.focal_px[0] / camera.size_px[0]
+    if least <= ratio <= most:
         return []
     evidence = (
         f"no robot has this lens: with a focal length of {camera.focal_px[0]:g} pixels pictures "
@@ -236,15 +217,13 @@ def _check_lens(camera: OmniCamera | PinholeCamera, settings: CheckSettings) -> 
 class _Check:
     """Checks of images of the right size."""
 
-    def __init__(self, dataset: Dataset, names: list[str], frames: list[UInt8Array], settings: CheckSettings) -> None:
-        self.settings = settings
+    def __init__(self, dataset: Dataset, names: list[str], frames: list[UInt8Array]) -> None:
         self.dataset, self.names, self.frames = dataset, names, frames
         vision = make_vision(dataset, dataset.field, dataset.camera)
-        self.views: list[View] = []
         self.channel_nats: list[float] = []
-        for frame in progress(frames, len(frames), "looking"):
-            vision.forget()
-            self.views.append(vision.look(frame))
+        self.views: list[View] = []
+        for view in _look(vision, frames, "looking"):
+            self.views.append(view)
             self.channel_nats.append(vision.swapped_channels_nats)
 
     def run(self) -> list[Finding]:
@@ -254,7 +233,7 @@ class _Check:
         findings = [] if channels is None else [channels]
         pictures = [self._picture(*one) for one in zip(self.names, self.frames, strict=True)]
         doctor = Doctor(self.dataset, pictures, dict(zip(self.names, self.views, strict=True)))
-        if doctor.fitting() < self.settings.min_located_ratio * len(self.views):
+        if doctor.fitting() < _MIN_LOCATED_RATIO * len(self.views):
             found = doctor.find()
             if found is not None:
                 camera = found[0].set_up.camera
@@ -283,7 +262,7 @@ class _Check:
         if not doctor.compares or not placed:
             return None
         evidence = f"{fitting} of {placed} located pictures {doctor.measure}"
-        if fitting >= self.settings.min_some_agreeing * placed:
+        if fitting >= _MIN_SOME_AGREEING * placed:
             return Finding(doctor.compares, "ok", evidence)
         return Finding(doctor.compares, "wrong", f"{evidence}, and none of the slips tried explains that")
 
@@ -296,36 +275,29 @@ class _Check:
 
     def _picture(self, name: str, frame: UInt8Array) -> Picture:
         """Return a picture with a later one after a significant motion by odometry, unless its true pose is known."""
-        dataset, settings = self.dataset, self.settings
+        dataset = self.dataset
         if dataset.times is None or dataset.is_video or name in dataset.truth:
             return Picture(name, frame)
         moved, way_m, way_rad = Pose2(0.0, 0.0, 0.0), 0.0, 0.0
         first = dataset.image_names.index(name) + 1
-        for number in range(first, min(first + settings.max_way_frames, len(dataset.image_names))):
+        for number in range(first, min(first + _MAX_WAY_FRAMES, len(dataset.image_names))):
             step = dataset.times[dataset.image_names[number]].odometry
             if step is None:
                 break
             moved = moved.compose(step)
             way_m, way_rad = way_m + math.hypot(step.x_m, step.y_m), way_rad + step.theta_rad
-            if way_m >= settings.max_way_m or abs(way_rad) >= settings.max_way_rad:
+            if way_m >= _MAX_WAY_M or abs(way_rad) >= _MAX_WAY_RAD:
                 try:
                     return Picture(name, frame, dataset.read_frame(number), moved)
                 except FrameError:
                     break
         return Picture(name, frame)
 
-    def _look(self, vision: Vision, frames: list[UInt8Array], label: str) -> list[View]:
-        views = []
-        for frame in progress(frames, len(frames), label):
-            vision.forget()
-            views.append(vision.look(frame))
-        return views
-
     def _check_channels(self) -> Finding | None:
         """Whether red and blue are swapped, by goals and ball; None if the field has none of a suitable colour."""
         count = len(self.views)
         nats = np.array(self.channel_nats)
-        for_swapped, for_own = (int((sign * nats >= self.settings.min_channel_nats).sum()) for sign in (1, -1))
+        for_swapped, for_own = (int((sign * nats >= _MIN_CHANNEL_NATS).sum()) for sign in (1, -1))
         if for_swapped:
             by_goals = any(
                 isinstance(view.pose, SwappedChannels) and view.pose.reason == SWAPPED_BY_GOALS for view in self.views
@@ -334,7 +306,7 @@ class _Check:
             evidence = f"in {for_swapped} of {count} images the {what} as with red and blue swapped"
             if for_own:
                 evidence += f", in {for_own} as they are"
-            is_wrong = float(nats.sum()) >= self.settings.report_channel_nats and for_swapped > 2 * for_own
+            is_wrong = float(nats.sum()) >= _REPORT_CHANNEL_NATS and for_swapped > 2 * for_own
             advice = "the images were written with red and blue swapped (RGB arrays by OpenCV's imwrite?)?"
             return Finding("channels", "wrong" if is_wrong else "unknown", f"{evidence}: {advice}")
         if for_own:
@@ -346,12 +318,12 @@ class _Check:
 
     def _other_pictures(self) -> Finding | None:
         """Report pictures of another subject; None if poses or the ground's colour indicate a field."""
-        settings, count = self.settings, len(self.views)
+        count = len(self.views)
         placed = sum(bool(view.pose) for view in self.views)
-        if placed > settings.max_stray_ratio * count:
+        if placed > _MAX_STRAY_RATIO * count:
             return None
         others = sum(shows_carpet(view, frame) is False for view, frame in zip(self.views, self.frames, strict=True))
-        if others < settings.min_other_ratio * count:
+        if others < _MIN_OTHER_RATIO * count:
             return None
         evidence = (
             f"these pictures do not show this field: {placed} of {count} images can be located on "
@@ -362,29 +334,28 @@ class _Check:
     def _check_field(self) -> Finding:
         name = self.dataset.field.name
         placed = sum(bool(view.pose) for view in self.views)
-        settings = self.settings
-        min_placed = settings.min_located_ratio * len(self.views)
+        min_placed = _MIN_LOCATED_RATIO * len(self.views)
         evidence = f"{placed} of {len(self.views)} images can be located on '{name}'"
-        if placed >= min_placed and _agreement(self.views) >= settings.min_agreement:
+        if placed >= min_placed and _agreement(self.views) >= _MIN_AGREEMENT:
             return Finding("field", "ok", f"{evidence}, {_agreement(self.views):.0%} of their points agree")
         if placed >= min_placed:
             return Finding("field", "ok", evidence)
         reasons = Counter(view.pose.reason for view in self.views if isinstance(view.pose, NotLocated))
         evidence += f"; most often: {reasons.most_common(1)[0][0]}"
-        if placed >= settings.min_some_ratio * len(self.views):
+        if placed >= _MIN_SOME_RATIO * len(self.views):
             return Finding("field", "unknown", evidence)
         return Finding("field", "wrong", f"{evidence}; nor with any slip in field, camera or pictures that was tried")
 
     def _check_heading(self, camera: OmniCamera) -> list[Finding]:
         # double angles are equal for both halves of a symmetric field
         off = np.array([2 * (pose.theta_rad - truth_rad) for pose, truth_rad in self._headings()])
-        if len(off) < self.settings.min_turns:
+        if len(off) < _MIN_TURNS:
             return []
         middle = math.atan2(float(np.median(np.sin(off))), float(np.median(np.cos(off))))
         spread = float(np.median([abs(wrap_angle(value - middle)) for value in off])) / 2
         middle /= 2
         degrees = math.degrees(middle)
-        if abs(middle) > self.settings.max_heading_error_rad and abs(middle) > 2 * spread:
+        if abs(middle) > _MAX_HEADING_ERROR_RAD and abs(middle) > 2 * spread:
             advice = f"heading_rad = {camera.heading_rad + middle:.3f} in the camera file (or half a turn from it)?"
             return [Finding("heading", "wrong", f"all headings differ from the truth by {degrees:+.1f} deg: {advice}")]
         return [Finding("heading", "ok", f"headings differ from the truth by {degrees:+.1f} deg (median)")]
@@ -405,7 +376,7 @@ class _Check:
         (u, v), (u_new, v_new) = camera.center_px, result.camera.center_px
         off = np.array([u_new - u, v_new - v])
         std = np.array([result.std["center_u_px"], result.std["center_v_px"]])
-        least = np.maximum(self.settings.significance * std, self.settings.max_center_ratio * min(camera.size_px))
+        least = np.maximum(_SIGNIFICANCE * std, _MAX_CENTER_RATIO * min(camera.size_px))
         words = f"({off[0]:+.2f}, {off[1]:+.2f}) +- ({std[0]:.2f}, {std[1]:.2f}) px"
         mend = "robocup-vision calibrate omni --start CAMERA corrects it"
         if np.any(np.abs(off) > least):
@@ -425,18 +396,18 @@ class _Check:
             return Finding("curve", "wrong", f"it has no floor where the images show some: {mend}")
         worst = float(ratio[known][np.argmax(np.abs(ratio[known]))])
         evidence = f"floor ranges differ from those of the images by up to {100 * abs(worst):.1f} %"
-        if float(np.median(np.abs(ratio[known]))) > self.settings.max_range_error:
+        if float(np.median(np.abs(ratio[known]))) > _MAX_RANGE_ERROR:
             return Finding("curve", "wrong", f"{evidence}: {mend}")
         return Finding("curve", "ok", evidence)
 
     def _check_by_edges(self, start: OmniCamera | PinholeCamera) -> list[Finding]:
         """Calibrate a pinhole camera of known tilt from a start, and compare the result with the camera file."""
-        camera, settings = self.dataset.camera, self.settings
+        camera = self.dataset.camera
         if not isinstance(start, PinholeCamera) or not isinstance(camera, PinholeCamera) or camera.tilt_rad is None:
             return []
-        some = dict(list(enumerate(self.frames))[:: -(-len(self.frames) // settings.max_calibrated)])
+        some = dict(list(enumerate(self.frames))[:: -(-len(self.frames) // _MAX_CALIBRATED)])
         fit = calibrate_by_edges(self.dataset.field, some, [start], {}, StartTrials())
-        if isinstance(fit, NotCalibrated) or len(fit.unknowns) < settings.min_turns:
+        if isinstance(fit, NotCalibrated) or len(fit.unknowns) < _MIN_TURNS:
             return []
         tilt_std, _, height_std, focal_std, *_ = np.sqrt(np.diag(fit.covariance)).tolist()
         focal_px, height_m, tilt_rad = fit.camera.focal_px[0], fit.camera.height_m, fit.camera.tilt_rad or 0.0
@@ -448,11 +419,11 @@ class _Check:
         off = [
             name
             for name, difference, std, least in (
-                ("focal_px", math.log(focal_px / camera.focal_px[0]), focal_std, settings.max_range_error),
+                ("focal_px", math.log(focal_px / camera.focal_px[0]), focal_std, _MAX_RANGE_ERROR),
                 ("height_m", height_m - camera.height_m, math.hypot(height_std, camera.height_std_m), 0.0),
                 ("tilt_rad", tilt_rad - camera.tilt_rad, tilt_std, 0.0),
             )
-            if abs(difference) > max(settings.significance * std, least)
+            if abs(difference) > max(_SIGNIFICANCE * std, least)
         ]
         if not off:
             return [Finding("lens", "ok", f"{evidence}, as the camera file says")]
@@ -460,9 +431,9 @@ class _Check:
         return [Finding("lens", "wrong", f"{evidence}; not so {', '.join(off)} of the camera file: {mend}")]
 
     def _check_colors(self) -> Finding:
-        chosen = slice(None, None, -(-len(self.frames) // self.settings.max_tried))
+        chosen = slice(None, None, -(-len(self.frames) // _MAX_TRIED))
         vision = make_vision(self.dataset, self.dataset.field, self.dataset.camera, learnt=True)
-        learnt = self._look(vision, self.frames[chosen], "colours")
+        learnt = _look(vision, self.frames[chosen], "colours")
         agreements = []
         for fixed, own in zip(self.views[chosen], learnt, strict=True):
             if fixed.marks.shape != own.marks.shape or not own.marks.any():
@@ -473,9 +444,15 @@ class _Check:
             return Finding("colours", "unknown", "colours learnt from the images show no floor in them")
         alike = float(np.median(agreements))
         evidence = f"colour file and images agree on {100 * alike:.0f} % of the floor (median image)"
-        if alike < self.settings.min_color_agreement:
+        if alike < _MIN_COLOR_AGREEMENT:
             return Finding("colours", "wrong", f"{evidence}: leave it out, or make a new one")
         return Finding("colours", "ok", evidence)
+
+
+def _look(vision: Vision, frames: list[UInt8Array], label: str) -> Iterator[View]:
+    for frame in progress(frames, len(frames), label):
+        vision.forget()
+        yield vision.look(frame)
 
 
 def _agreement(views: list[View]) -> float:

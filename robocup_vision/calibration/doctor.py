@@ -21,19 +21,15 @@ from robocup_vision.progress import progress
 from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
-
-@dataclass(frozen=True, slots=True)
-class DoctorSettings:
-    """Settings of the search for a better set-up."""
-
-    max_pictures: int = 8  #: greatest number of pictures tested with each set-up, evenly spread
-    min_fitting: float = 0.6  #: least ratio of them that fit a better set-up
-    min_more: float = 0.3  #: least increase of this ratio over the given set-up
-    decided_ratio: float = 0.8  #: ratio of fitting pictures at which other kinds of mistakes are no longer tested
-    #: greatest difference of a pose from truth or odometry, to which three of its standard deviations are added
-    max_error_m: float = 0.1
-    max_error_rad: float = math.radians(3.0)
-    odometry_error: float = 0.1  #: greatest relative error of odometry between two pictures
+# greatest number of pictures tested with each set-up, evenly spread
+_MAX_PICTURES = 8
+# least ratio of them that fit a better set-up; least increase of this ratio over the given set-up; and ratio at which
+# other kinds of mistakes are no longer tested
+_MIN_FITTING, _MIN_MORE, _DECIDED_RATIO = 0.6, 0.3, 0.8
+# greatest difference of a pose from truth or odometry, to which three of its standard deviations are added
+_MAX_ERROR_M, _MAX_ERROR_RAD = 0.1, math.radians(3.0)
+# greatest relative error of odometry between two pictures
+_ODOMETRY_ERROR = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +45,6 @@ class Picture:
 @dataclass(frozen=True, slots=True)
 class _Look:
     fits: bool
-    residual_px: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Best:
-    near: NearSetUp
-    fitting: int
     residual_px: float
 
 
@@ -89,9 +78,8 @@ class Doctor:
         dataset: Dataset,
         pictures: Sequence[Picture],
         own_views: Mapping[str, View] | None = None,
-        settings: DoctorSettings = DoctorSettings(),
     ) -> None:
-        self._dataset, self._pictures, self._settings = dataset, pictures, settings
+        self._dataset, self._pictures = dataset, pictures
         height, width = pictures[0].frame.shape[:2]
         self.own = SetUp(dataset.field, dataset.camera, (width, height), dataset.truth)
         # poses with the given set-up, which do not depend on the truth
@@ -116,28 +104,28 @@ class Doctor:
 
     def find(self) -> tuple[NearSetUp, int] | None:
         """Return the set-up that fits most pictures, with their number; None if none is clearly better."""
-        settings = self._settings
-        chosen = self._pictures[:: -(-len(self._pictures) // settings.max_pictures)]
+        chosen = self._pictures[:: -(-len(self._pictures) // _MAX_PICTURES)]
         count = len(chosen)
         as_it_is = sum(look.fits for look in self._looks(self.own, chosen, 0))
-        needed = max(math.ceil(settings.min_fitting * count), as_it_is + max(1, math.ceil(settings.min_more * count)))
+        needed = max(math.ceil(_MIN_FITTING * count), as_it_is + max(1, math.ceil(_MIN_MORE * count)))
         if needed > count:
             return None
-        best: _Best | None = None
+        best: NearSetUp | None = None
+        # number of pictures that fit it, and their median residual, negative
+        best_fit = needed, -math.inf
         kinds = [(kind, near) for kind, tried in enumerate(NEAR) for near in tried(self.own)]
         last = None
         for kind, near in progress(kinds, len(kinds), "trying near set-ups"):
-            if kind != last and best is not None and best.fitting >= settings.decided_ratio * count:
+            if kind != last and best is not None and best_fit[0] >= _DECIDED_RATIO * count:
                 break
             last = kind
-            looks = self._looks(near.set_up, chosen, needed if best is None else best.fitting)
-            fitting = sum(look.fits for look in looks)
-            if fitting < needed:
+            residual_px = [look.residual_px for look in self._looks(near.set_up, chosen, best_fit[0]) if look.fits]
+            if len(residual_px) < needed:
                 continue
-            residual_px = float(np.median([look.residual_px for look in looks if look.fits]))
-            if best is None or (fitting, -residual_px) > (best.fitting, -best.residual_px):
-                best = _Best(near, fitting, residual_px)
-        return None if best is None else (best.near, self.fitting(best.near.set_up))
+            fit = len(residual_px), -float(np.median(residual_px))
+            if fit > best_fit:
+                best, best_fit = near, fit
+        return None if best is None else (best, self.fitting(best.set_up))
 
     def _looks(self, set_up: SetUp, pictures: Sequence[Picture], needed: int) -> list[_Look]:
         """Test pictures until fewer than `needed` of them can fit."""
@@ -196,13 +184,12 @@ class Doctor:
 
     def _is_near(self, pose: PoseEstimate, places: Sequence[tuple[float, float, float | None]], way: float) -> bool:
         """Whether a candidate is near one of these poses, within the error of odometry over this way."""
-        settings = self._settings
-        slack = 3 * pose.std + settings.odometry_error * way
+        slack = 3 * pose.std + _ODOMETRY_ERROR * way
         symmetric = self._dataset.symmetry == "point"
         for x_m, y_m, theta_rad in places:
             for one in pose.candidates:
                 place = Pose2(x_m, y_m, one.theta_rad if theta_rad is None else theta_rad)
                 off_m, off_rad = one.error_to(place, symmetric=symmetric)
-                if off_m < settings.max_error_m + slack[:2].max() and off_rad < settings.max_error_rad + slack[2]:
+                if off_m < _MAX_ERROR_M + slack[:2].max() and off_rad < _MAX_ERROR_RAD + slack[2]:
                     return True
         return False
