@@ -14,11 +14,10 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-import numpy.typing as npt
 
 from field_models.errors import FrameError
 from field_models.field import Field, Goal
-from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array, read_only
+from robocup_vision.arrays import BoolArray, FloatArray, Int64Array, UInt8Array, read_only
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.estimates import PoseEstimate
@@ -268,29 +267,27 @@ def _line_points(field: Field, spacing_m: float) -> FloatArray:
 
 def _line_pixels(
     edges_m: FloatArray, camera: OmniCamera | PinholeCamera, pose: Pose2, shape: tuple[int, ...], min_width_px: float
-) -> npt.NDArray[np.int64]:
+) -> Int64Array:
     """Return pixels (N, 2), u and v, on the middle of lines that are wide enough for pure paint."""
-    to_robot = pose.inverse()
-    left, right = (camera.point_to_pixel(np.column_stack([to_robot.transform(e[:, :2]), e[:, 2]])) for e in edges_m)
+    left, right = (_projected(edge_m, camera, pose) for edge_m in edges_m)
     wide = np.hypot(*(left - right).T) >= min_width_px
-    pixels = np.rint((left[wide] + right[wide]) / 2).astype(np.int64)
-    inside = (pixels >= 0).all(axis=1) & (pixels[:, 0] < shape[1]) & (pixels[:, 1] < shape[0])
-    return np.asarray(np.unique(pixels[inside], axis=0))
+    return _inside((left[wide] + right[wide]) / 2, shape)
 
 
-def _pixels(
-    points_m: FloatArray, camera: OmniCamera | PinholeCamera, pose: Pose2, shape: tuple[int, ...]
-) -> npt.NDArray[np.int64]:
-    """Return the pixels (N, 2), u and v, of places (M, 3) on the field that are inside a picture."""
-    local = np.column_stack([pose.inverse().transform(points_m[:, :2]), points_m[:, 2]])
-    pixels = camera.point_to_pixel(local)
-    pixels = np.rint(pixels[np.isfinite(pixels).all(axis=1)]).astype(np.int64)
-    inside = (pixels >= 0).all(axis=1) & (pixels[:, 0] < shape[1]) & (pixels[:, 1] < shape[0])
-    return np.asarray(np.unique(pixels[inside], axis=0))
+def _projected(points_m: FloatArray, camera: OmniCamera | PinholeCamera, pose: Pose2) -> FloatArray:
+    """Return the pixels (N, 2), u and v, of places (N, 3) on the field."""
+    return camera.point_to_pixel(np.column_stack([pose.inverse().transform(points_m[:, :2]), points_m[:, 2]]))
+
+
+def _inside(pixels: FloatArray, shape: tuple[int, ...]) -> Int64Array:
+    """Return the different whole pixels (M, 2) inside a picture."""
+    whole = np.rint(pixels[np.isfinite(pixels).all(axis=1)]).astype(np.int64)
+    inside = (whole >= 0).all(axis=1) & (whole[:, 0] < shape[1]) & (whole[:, 1] < shape[0])
+    return np.asarray(np.unique(whole[inside], axis=0))
 
 
 def _white_of(
-    frame: UInt8Array, pixels: npt.NDArray[np.int64], floor: FloorColor, settings: ColorCalibrationSettings
+    frame: UInt8Array, pixels: Int64Array, floor: FloorColor, settings: ColorCalibrationSettings
 ) -> PaintColor | None:
     """Return the white of the field's lines, from pixels that are brighter than the floor and not saturated."""
     colors = frame[pixels[:, 1], pixels[:, 0]].astype(np.float64)
@@ -309,7 +306,7 @@ def _where(
     """Return a mask (H, W) of the pixels near places on the field at any of the poses."""
     seen = np.zeros(shape, dtype=np.uint8)
     for pose in poses:
-        u, v = _pixels(points_m, camera, pose, shape).T
+        u, v = _inside(_projected(points_m, camera, pose), shape).T
         seen[v, u] = 1
     return np.asarray(cv2.dilate(seen, np.ones((5, 5), np.uint8)) > 0)
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
+from typing import Any
 
 import cv2
 import numpy as np
@@ -27,10 +28,6 @@ from robocup_vision.evaluation.truth_units import MEND, other_readings
 _RATIOS = (0.85, 0.9, 0.95, 1.05, 1.1, 1.15)
 
 
-def _as_it_is(picture: UInt8Array) -> UInt8Array:
-    return picture
-
-
 @dataclass(frozen=True, eq=False)
 class SetUp:
     """Everything that is needed to interpret pictures."""
@@ -39,7 +36,11 @@ class SetUp:
     camera: OmniCamera | PinholeCamera
     size_px: tuple[int, int]  #: width and height of the unchanged pictures
     truth: Mapping[str, Truth]  #: known poses, by picture
-    seen: Callable[[UInt8Array], UInt8Array] = _as_it_is  #: converts a picture to the camera's format
+    seen: Callable[[UInt8Array], UInt8Array] = np.asarray  #: converts a picture to the camera's format
+
+    def near(self, subject: str, words: str, mend: str = "", **changes: Any) -> NearSetUp:
+        """Return this with some fields changed, see `NearSetUp`."""
+        return NearSetUp(subject, words, replace(self, **changes), mend)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,58 +50,38 @@ class NearSetUp:
     subject: str  #: subject of the mistake
     words: str  #: description of the change, to follow "with"
     set_up: SetUp  #: the changed set-up
-    mend: str = ""  #: how to correct the files
+    mend: str  #: how to correct the files; empty if the words say it
 
 
 def _truth_units(own: SetUp) -> Iterator[NearSetUp]:
     """Try degrees for radians, and smaller units for metres."""
     for reading in other_readings(own.truth, own.field):
         other = {picture: reading.of(one) for picture, one in own.truth.items()}
-        yield NearSetUp("truth", f"truth.csv read as {reading.words}", replace(own, truth=other), MEND)
+        yield own.near("truth", f"truth.csv read as {reading.words}", MEND, truth=other)
 
 
 def _picture(own: SetUp) -> Iterator[NearSetUp]:
     """Rotate, flip and resize pictures, and swap red and blue."""
     size_px, shown_px = own.size_px, own.camera.size_px
-    changes: list[tuple[str, Callable[[UInt8Array], UInt8Array], str]] = []
+    changes: list[tuple[str, Callable[..., Any], str]] = []
     if size_px == shown_px:
         changes += [
-            ("the pictures turned by 180 degrees", _upside_down, "is the camera mounted upside down?"),
-            ("the pictures flipped left to right", _flipped, "does the driver mirror them?"),
-            ("red and blue of the pictures swapped", _red_for_blue, "were RGB arrays written as BGR?"),
+            ("the pictures turned by 180 degrees", partial(np.rot90, k=2), "is the camera mounted upside down?"),
+            ("the pictures flipped left to right", np.fliplr, "does the driver mirror them?"),
+            ("red and blue of the pictures swapped", partial(np.flip, axis=2), "were RGB arrays written as BGR?"),
         ]
     if size_px == shown_px[::-1]:
         changes += [
-            (f"the pictures turned by 90 degrees to the {side}", partial(_quarter_turned, times=times), "")
+            (f"the pictures turned by 90 degrees to the {side}", partial(np.rot90, k=times), "")
             for side, times in (("left", 1), ("right", -1))
         ]
     elif size_px[0] * shown_px[1] == size_px[1] * shown_px[0] and size_px != shown_px:
         factor = size_px[0] / shown_px[0]
         words = f"the pictures scaled from {size_px[0]}x{size_px[1]} to {shown_px[0]}x{shown_px[1]}"
         mend = f"all pixels of the camera file (size, centre, focal length or radii) times {factor:g}"
-        changes.append((words, partial(_scaled_to, size_px=shown_px), mend))
+        changes.append((words, partial(cv2.resize, dsize=shown_px, interpolation=cv2.INTER_AREA), mend))
     for words, seen, mend in changes:
-        yield NearSetUp("pictures", words, replace(own, seen=seen), mend)
-
-
-def _upside_down(picture: UInt8Array) -> UInt8Array:
-    return picture[::-1, ::-1]
-
-
-def _flipped(picture: UInt8Array) -> UInt8Array:
-    return picture[:, ::-1]
-
-
-def _red_for_blue(picture: UInt8Array) -> UInt8Array:
-    return picture[..., ::-1]
-
-
-def _quarter_turned(picture: UInt8Array, times: int) -> UInt8Array:
-    return np.rot90(picture, times)
-
-
-def _scaled_to(picture: UInt8Array, size_px: tuple[int, int]) -> UInt8Array:
-    return np.asarray(cv2.resize(picture, size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        yield own.near("pictures", words, mend, seen=seen)
 
 
 def _tilt(own: SetUp) -> Iterator[NearSetUp]:
@@ -114,7 +95,7 @@ def _tilt(own: SetUp) -> Iterator[NearSetUp]:
         (f"tilt {-degrees:+.0f} instead of {degrees:+.0f} degrees", -tilt_rad),
         (f"tilt {tilt_rad:+g} degrees instead of {tilt_rad:+g} radians", math.radians(tilt_rad)),
     ):
-        yield NearSetUp("tilt", words, replace(own, camera=replace(camera, tilt_rad=other)), f"tilt_rad = {other:.4f}")
+        yield own.near("tilt", words, f"tilt_rad = {other:.4f}", camera=replace(camera, tilt_rad=other))
 
 
 def _lens_of_other_size(own: SetUp) -> Iterator[NearSetUp]:
@@ -125,13 +106,9 @@ def _lens_of_other_size(own: SetUp) -> Iterator[NearSetUp]:
     for factor, name in ((2.0, "half"), (0.5, "double")):
         focal_px = (factor * camera.focal_px[0], factor * camera.focal_px[1])
         center_px = (factor * (camera.center_px[0] + 0.5) - 0.5, factor * (camera.center_px[1] + 0.5) - 0.5)
-        other = replace(camera, focal_px=focal_px, center_px=center_px)
-        yield NearSetUp(
-            "lens",
-            f"focal length and centre taken as those of pictures of {name} the size",
-            replace(own, camera=other),
-            f"focal_px and center_px times {factor:g}",
-        )
+        words = f"focal length and centre taken as those of pictures of {name} the size"
+        mend = f"focal_px and center_px times {factor:g}"
+        yield own.near("lens", words, mend, camera=replace(camera, focal_px=focal_px, center_px=center_px))
 
 
 def _lens_model(own: SetUp) -> Iterator[NearSetUp]:
@@ -149,7 +126,7 @@ def _lens_model(own: SetUp) -> Iterator[NearSetUp]:
         straight = replace(camera, distortion=())
         others.append(("distortion = [] in the camera file", straight, f"of which lens model is it? {mend}"))
     for words, other, wanted in others:
-        yield NearSetUp("lens", words, replace(own, camera=other), wanted)
+        yield own.near("lens", words, wanted, camera=other)
 
 
 def _mirroring(own: SetUp) -> Iterator[NearSetUp]:
@@ -158,7 +135,7 @@ def _mirroring(own: SetUp) -> Iterator[NearSetUp]:
     if isinstance(camera, OmniCamera):
         other = replace(camera, mirrored=not camera.mirrored)
         wanted = f"mirrored = {str(other.mirrored).lower()}"
-        yield NearSetUp("mirrored", f"{wanted} in the camera file", replace(own, camera=other))
+        yield own.near("mirrored", f"{wanted} in the camera file", camera=other)
 
 
 def _goals(own: SetUp) -> Iterator[NearSetUp]:
@@ -168,20 +145,15 @@ def _goals(own: SetUp) -> Iterator[NearSetUp]:
         swapped = tuple(
             replace(goal, color=other.color) for goal, other in zip(own.field.goals, own.field.goals[::-1], strict=True)
         )
-        yield NearSetUp(
-            "field",
-            "the goals' colours swapped in the field file",
-            replace(own, field=replace(own.field, goals=swapped)),
-        )
+        field = replace(own.field, goals=swapped)
+        yield own.near("field", "the goals' colours swapped in the field file", field=field)
 
 
 def _fields(own: SetUp) -> Iterator[NearSetUp]:
     """Try the other built-in fields."""
     for name in field_names():
         if name != own.field.name:
-            yield NearSetUp(
-                "field", f"field '{name}' instead of '{own.field.name}'", replace(own, field=load_field(name))
-            )
+            yield own.near("field", f"field '{name}' instead of '{own.field.name}'", field=load_field(name))
 
 
 def _sizes(own: SetUp) -> Iterator[NearSetUp]:
@@ -191,17 +163,17 @@ def _sizes(own: SetUp) -> Iterator[NearSetUp]:
         for ratio in _RATIOS:
             other = replace(camera, floor_range=_longer(camera.floor_range, ratio))
             words = f"floor ranges {ratio:g} times those of the camera file"
-            yield NearSetUp("range", words, replace(own, camera=other), "robocup-vision calibrate omni --start CAMERA")
+            yield own.near("range", words, "robocup-vision calibrate omni --start CAMERA", camera=other)
         return
     focal_px, height_m = camera.focal_px, camera.height_m
     mend = "robocup-vision calibrate forward --start CAMERA"
     for ratio in _RATIOS:
         longer = replace(camera, focal_px=(ratio * focal_px[0], ratio * focal_px[1]))
         words = f"a focal length of {longer.focal_px[0]:.0f} instead of {focal_px[0]:.0f} pixels"
-        yield NearSetUp("focal length", words, replace(own, camera=longer), mend)
+        yield own.near("focal length", words, mend, camera=longer)
         higher = replace(camera, height_m=ratio * height_m)
         words = f"a height of {higher.height_m:.3f} instead of {height_m:.3f} m"
-        yield NearSetUp("height", words, replace(own, camera=higher), mend)
+        yield own.near("height", words, mend, camera=higher)
 
 
 def _longer(curve: FloorRange, ratio: float) -> FloorRange:
