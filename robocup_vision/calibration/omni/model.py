@@ -31,7 +31,7 @@ CENTER, TILT, SCALE, HORIZON = slice(0, 2), slice(2, 4), 4, 5
 # number of nodes of a table's stretch, evenly spaced over the usable radii: errors of a mirror's polish are smooth
 BENDS = 6
 # greatest stretch of a table: larger ones need another base curve
-MAX_BEND = 0.08
+_MAX_BEND = 0.08
 # greatest tilt about either axis, beyond that of intact mounts
 MAX_TILT_RAD = math.radians(6.0)
 # bounds of a hyperboloid's sqrt(C), in horizon radii: at the upper one it is practically a paraboloid
@@ -244,7 +244,7 @@ class CameraModel:
         log_scale, log_horizon : float
             Greatest changes of the logarithms of K and H.
         """
-        reach = np.full(self.size, MAX_BEND)
+        reach = np.full(self.size, _MAX_BEND)
         reach[CENTER] = center_px
         reach[TILT] = MAX_TILT_RAD
         reach[SCALE], reach[HORIZON] = log_scale, log_horizon

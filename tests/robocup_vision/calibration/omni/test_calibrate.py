@@ -7,7 +7,6 @@ import pytest
 
 from field_models import load_field
 from field_models.errors import ArgumentError, FrameError
-from robocup_vision import Vision
 from robocup_vision.calibration.not_calibrated import NotCalibrated
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni, guessed_cameras
 from robocup_vision.calibration.omni.settings import OmniCalibrationSettings
@@ -15,19 +14,45 @@ from robocup_vision.camera import OmniCamera, Table, Tangent
 from robocup_vision.geometry import Pose2
 
 
-@pytest.fixture(scope="module")
-def from_rough(ssl_field, off_frames, rough_camera):
-    return calibrate_omni(ssl_field, off_frames, rough_camera)
+class Damaged(list):
+    """Frames of which the second cannot be read."""
+
+    def __getitem__(self, index):
+        if index == 1:
+            raise FrameError("b.png: is empty")
+        return super().__getitem__(index)
 
 
 @pytest.mark.slow
-def test_a_rough_start_leads_to_the_true_camera(from_rough, true_camera, floor_error_m):
-    """Only this finds a fit from a rough start that ends elsewhere."""
-    assert isinstance(from_rough, OmniCalibration)
-    assert floor_error_m(from_rough.camera, true_camera) < 2e-3
-    np.testing.assert_allclose(from_rough.camera.center_px, true_camera.center_px, atol=0.5)
-    np.testing.assert_allclose(from_rough.camera.tilt_rad, true_camera.tilt_rad, atol=5e-3)
-    assert from_rough.camera.usable_radius_px == true_camera.usable_radius_px
+def test_a_rough_start_leads_to_the_true_camera(
+    ssl_field, off_frames, off_samples, rough_camera, true_camera, floor_error_m
+):
+    """Only this finds a fit from a rough start that ends elsewhere, or useless frames that end it or go unsaid."""
+    dark, small = np.zeros_like(off_frames[0]), np.ascontiguousarray(off_frames[0][:, :200])
+    frames = Damaged([off_frames[0], off_frames[0], dark, small, *off_frames[1:]])
+    result = calibrate_omni(ssl_field, frames, rough_camera, names=["a", "b.png", *"cdefghi"])
+    assert isinstance(result, OmniCalibration)
+    assert floor_error_m(result.camera, true_camera) < 2e-3
+    np.testing.assert_allclose(result.camera.center_px, true_camera.center_px, atol=0.5)
+    np.testing.assert_allclose(result.camera.tilt_rad, true_camera.tilt_rad, atol=5e-3)
+    assert result.camera.usable_radius_px == true_camera.usable_radius_px
+    assert [frame.name for frame in result.frames] == [*"aefghi"]
+    errors = [f.pose.error_to(s.pose, symmetric=True)[0] for f, s in zip(result.frames, off_samples, strict=True)]
+    assert max(errors) < 0.02
+    assert [note for note in result.notes if note.startswith("left out")] == [
+        "left out b.png: is empty",
+        "left out c: too little of the floor's edge or of white lines in view",
+        "left out d: frame must be uint8 (220, 256, 3) as the camera file says, got uint8 (220, 200, 3)",
+    ]
+    assert set(result.std) == {"center_u_px", "center_v_px", "tilt_x_rad", "tilt_y_rad", "scale", "horizon"}
+    assert 0 < result.std["center_u_px"] < 0.5
+    assert result.choices[0].curve == "hyperboloid"
+    assert result.choices[0].held_out_px < 0.2
+    assert any("hard to separate" in note for note in result.notes)
+    residual = np.concatenate([frame.boundary_residual_px for frame in result.frames])
+    assert np.median(np.abs(residual)) < 0.2
+    for frame in result.frames:
+        assert len(frame.line_px) == len(frame.line_residual_px)
 
 
 @pytest.mark.slow
@@ -43,47 +68,6 @@ def test_no_start_at_all_leads_there_too(ssl_field, off_frames, true_camera, flo
 
 
 @pytest.mark.slow
-def test_poses_come_with_it(from_rough, off_samples):
-    """Only this finds poses of a calibration that are of other images."""
-    assert [frame.name for frame in from_rough.frames] == [f"frame {i}" for i in range(6)]
-    errors = [f.pose.error_to(s.pose, symmetric=True)[0] for f, s in zip(from_rough.frames, off_samples, strict=True)]
-    assert max(errors) < 0.02
-
-
-@pytest.mark.slow
-def test_a_robot_that_uses_it_is_located_better(ssl_field, from_rough, paper_camera, off_samples):
-    """Only this finds a calibration that fits its points and makes poses worse."""
-    medians = []
-    for camera in (paper_camera, from_rough.camera):
-        vision = Vision(ssl_field, camera)
-        views = [vision.look(sample.frame) for sample in off_samples]
-        medians.append(
-            np.median(
-                [
-                    view.pose.pose.error_to(sample.pose, symmetric=True)[0] if view.pose else 1.0
-                    for view, sample in zip(views, off_samples, strict=True)
-                ]
-            )
-        )
-    assert medians[1] < 4e-3 < medians[0]
-
-
-@pytest.mark.slow
-def test_it_says_how_good_it_is(from_rough):
-    """Only this finds deviations, choices or residuals that a calibration leaves out."""
-    assert set(from_rough.std) == {"center_u_px", "center_v_px", "tilt_x_rad", "tilt_y_rad", "scale", "horizon"}
-    assert 0 < from_rough.std["center_u_px"] < 0.5
-    assert from_rough.choices[0].curve == "hyperboloid"
-    assert from_rough.choices[0].held_out_px < 0.2
-    assert any("hard to separate" in note for note in from_rough.notes)
-    assert any("pictures of a field do not show them" in note for note in from_rough.notes)
-    residual = np.concatenate([frame.boundary_residual_px for frame in from_rough.frames])
-    assert np.median(np.abs(residual)) < 0.2
-    for frame in from_rough.frames:
-        assert len(frame.line_px) == len(frame.line_residual_px)
-
-
-@pytest.mark.slow
 def test_a_carpet_is_calibrated_by_its_lines(mirror_camera, paint_field, floor_error_m):
     """Only this finds a fit that needs walls."""
     field = load_field("msl_6x4")
@@ -94,34 +78,11 @@ def test_a_carpet_is_calibrated_by_its_lines(mirror_camera, paint_field, floor_e
     start = dataclasses.replace(
         truth, center_px=(159.5, 119.5), floor_range=Tangent(0.8 * 2.1456, 1.2 * 0.0114), usable_radius_px=(20.0, 105.0)
     )
-    result = calibrate_omni(field, frames, start, names=["a", "b", "c"])
+    result = calibrate_omni(field, frames, start)
     assert isinstance(result, OmniCalibration)
     assert floor_error_m(result.camera, truth) < 5e-3
-    assert [frame.name for frame in result.frames] == ["a", "b", "c"]
+    assert [frame.name for frame in result.frames] == ["frame 0", "frame 1", "frame 2"]
     assert all(len(frame.boundary_px) == 0 for frame in result.frames)
-
-
-@pytest.mark.slow
-def test_frames_that_are_of_no_use_are_left_out_by_name(ssl_field, off_frames, rough_camera):
-    """Only this finds useless images that end a calibration, or leave it in silence."""
-
-    class Broken(list):
-        def __getitem__(self, index):
-            if index == 1:
-                raise FrameError("b.png: is empty")
-            return super().__getitem__(index)
-
-    dark, small = np.zeros_like(off_frames[0]), np.ascontiguousarray(off_frames[0][:, :200])
-    frames = Broken([off_frames[0], off_frames[0], dark, small, *off_frames[1:4]])
-    result = calibrate_omni(ssl_field, frames, rough_camera, names=["a", "b.png", "c", "d", "e", "f", "g"])
-    assert isinstance(result, OmniCalibration)
-    assert [frame.name for frame in result.frames] == ["a", "e", "f", "g"]
-    left_out = [note for note in result.notes if note.startswith("left out")]
-    assert left_out == [
-        "left out b.png: is empty",
-        "left out c: too little of the floor's edge or of white lines in view",
-        "left out d: frame must be uint8 (220, 256, 3) as the camera file says, got uint8 (220, 200, 3)",
-    ]
 
 
 def test_images_without_a_field_are_refused(ssl_field, rough_camera):
@@ -142,13 +103,6 @@ def test_images_of_another_field_are_refused(off_frames, rough_camera):
     refused = calibrate_omni(load_field("ssl_division_b"), off_frames[:3], rough_camera)
     assert isinstance(refused, NotCalibrated)
     assert refused.reason
-
-
-@pytest.mark.slow
-def test_a_centre_beyond_the_bound_is_refused(ssl_field, off_frames, rough_camera):
-    """Only this finds a fit that takes a camera's centre anywhere."""
-    far = dataclasses.replace(rough_camera, center_px=(185.0, 60.0))
-    assert isinstance(calibrate_omni(ssl_field, off_frames, far), NotCalibrated)
 
 
 def test_what_is_no_use_at_all_raises(ssl_field, off_frames, paper_camera):
@@ -189,25 +143,17 @@ def calibrated_on_carpet(paint_field, camera, pose, start=None, settings=OmniCal
 
 
 @pytest.mark.slow
-def test_one_image_of_many_lines_is_enough(carpet_camera, paint_field, floor_error_m):
-    """Only this finds a calibration by one image that is refused or wrong."""
-    result = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3))
-    assert isinstance(result, OmniCalibration)
-    assert floor_error_m(result.camera, carpet_camera) < 0.02
-    # a camera without a tilt gets next to none, though it may have one
-    assert result.choices[0].tilted
-    assert np.hypot(*result.camera.tilt_rad) < 0.01
-
-
-@pytest.mark.slow
 def test_where_a_start_leads_to_no_answer_one_is_found_without_its_curve(carpet_camera, paint_field, floor_error_m):
-    """Only this finds a wrong curve in a start that ends the search, or costs the start's mounting."""
+    """Only this finds one image without a start's curve that is refused or wrong, or costs the start's mounting."""
     true = dataclasses.replace(carpet_camera, mirrored=True, heading_rad=0.4, offset_m=(0.02, -0.01))
     # what a start must show is asked for in vain
     settings = dataclasses.replace(OmniCalibrationSettings(), min_started_features=30, max_height_radii=30.0)
     result = calibrated_on_carpet(paint_field, true, Pose2(0.2, -0.1, 0.3), start=true, settings=settings)
     assert isinstance(result, OmniCalibration)
     assert floor_error_m(result.camera, true) < 0.02
+    # a camera without a tilt gets next to none, though it may have one
+    assert result.choices[0].tilted
+    assert np.hypot(*result.camera.tilt_rad) < 0.01
     assert "found without the start's curve: by it, one image of so few lines" in result.notes[0]
     camera = result.camera
     assert (camera.mirrored, camera.heading_rad, camera.offset_m) == (True, 0.4, (0.02, -0.01))
@@ -238,14 +184,3 @@ def test_an_image_whose_camera_does_not_show_it_again_is_refused(carpet_camera, 
     refused = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3), carpet_camera, settings)
     assert isinstance(refused, NotCalibrated)
     assert "does not find itself" in refused.reason
-
-
-@pytest.mark.slow
-def test_without_a_start_less_may_stay_open(carpet_camera, paint_field):
-    """Only this finds a start that is held to the bounds of a camera nobody knows."""
-    settings = dataclasses.replace(OmniCalibrationSettings(), max_range_std=1e-4)
-    refused = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3), settings=settings)
-    assert isinstance(refused, NotCalibrated)
-    assert "floor's range" in refused.reason
-    started = calibrated_on_carpet(paint_field, carpet_camera, Pose2(0.2, -0.1, 0.3), carpet_camera, settings)
-    assert isinstance(started, OmniCalibration)
