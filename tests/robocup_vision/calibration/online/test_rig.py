@@ -67,17 +67,9 @@ def off_by(online, true):
 
 # frames of four cameras are rendered and looked at
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "degrees",
-    [
-        ((0, 2.0), (0, 0), (-1.8, 1.0), (0, 0)),
-        ((0, 0), (0, 0), (0, 0), (0, 0)),
-    ],
-    ids=["turned", "right"],
-)
-def test_it_goes_to_the_true_rig_and_is_as_sure_as_it_says(degrees):
+def test_it_goes_to_the_true_rig_and_is_as_sure_as_it_says():
     """Only this finds mountings that drift elsewhere, or are surer than they are right."""
-    true = turned(degrees)
+    true = turned(((0, 2.0), (0, 0), (-1.8, 1.0), (0, 0)))
     online = OnlineCalibration(FIELD, RIG)
     before_px = online.shift_px(true)
     vision = Vision(FIELD, RIG, online=online)
@@ -86,7 +78,7 @@ def test_it_goes_to_the_true_rig_and_is_as_sure_as_it_says(degrees):
     assert together < 2.0
     assert each.max() < 3.0
     assert vision.rig is online.camera
-    assert online.shift_px(true) < max(0.5 * before_px, 0.5)
+    assert online.shift_px(true) < 0.5 * before_px
     # what all pans have in common is the body's heading
     pans = np.array([one.pan_rad - other.pan_rad for one, other in zip(vision.rig.cameras, true.cameras, strict=True)])
     assert np.abs(pans - pans.mean()).max() < math.radians(0.3)
