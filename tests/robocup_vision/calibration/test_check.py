@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from dataset_folders import write_dataset
 
-from robocup_vision.calibration.check import check_dataset
+from robocup_vision.calibration.check import check_dataset, shows_carpet
 from robocup_vision.camera import PinholeCamera, load_camera, save_camera
 from robocup_vision.cli import main
 from robocup_vision.evaluation.dataset import load_dataset
@@ -37,6 +37,22 @@ def write(tmp_path, true_camera, off_samples):
 
 def found(path):
     return {finding.subject: finding for finding in check_dataset(load_dataset(path))}
+
+
+GREEN, BROWN, GREY, DARK = (50, 130, 45), (60, 90, 120), (90, 90, 90), (3, 9, 4)
+
+
+@pytest.mark.parametrize(
+    ("near", "far", "is_carpet"),
+    [(GREEN, BROWN, True), (BROWN, GREEN, False), (GREY, GREEN, False), (DARK, GREEN, None)],
+)
+def test_it_is_a_carpet_if_the_ground_nearest_to_the_robot_is_green(ssl_field, true_camera, near, far, is_carpet):
+    width, height = true_camera.size_px
+    v, u = np.mgrid[:height, :width]
+    inner, outer = true_camera.usable_radius_px
+    is_near = np.hypot(u - true_camera.center_px[0], v - true_camera.center_px[1]) < inner + (outer - inner) / 2.5
+    frame = np.where(is_near[..., None], np.array(near), np.array(far)).astype(np.uint8)
+    assert shows_carpet(Vision(ssl_field, true_camera).look(frame), frame) is is_carpet
 
 
 def test_swapped_channels_are_found_and_told_how_they_came(write, off_samples):

@@ -1,17 +1,15 @@
 """Colour files from images, and the command that writes them."""
 
-import csv
-import math
-
 import cv2
 import numpy as np
 import pytest
+from dataset_folders import write_dataset
 
 from field_models import load_field
 from field_models.errors import FrameError
 from robocup_vision.calibration.colors import calibrate_colors
 from robocup_vision.calibration.not_calibrated import NotCalibrated
-from robocup_vision.camera import save_camera
+from robocup_vision.camera import PinholeCamera
 from robocup_vision.cli import main
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.color_table import CLASS_NAMES, build_color_table, load_colors
@@ -28,17 +26,8 @@ def warm():
 
 @pytest.fixture(scope="module")
 def folder(warm, tmp_path_factory):
-    root = tmp_path_factory.mktemp("colors")
-    (root / "images").mkdir()
-    save_camera(sekimori_camera(), root / "camera.toml")
-    with (root / "truth.csv").open("w", newline="") as file:
-        rows = csv.writer(file)
-        rows.writerow(["image", "x_m", "y_m", "theta_rad"])
-        for one in warm:
-            name = f"{one.index:03d}.png"
-            cv2.imwrite(str(root / "images" / name), one.frame)
-            rows.writerow([name, *one.pose.array])
-    return root
+    root, truth = tmp_path_factory.mktemp("colors"), [one.pose.array for one in warm]
+    return write_dataset(root, [one.frame for one in warm], sekimori_camera(), "ssl_2001", truth=truth)
 
 
 def reads(samples):
@@ -68,13 +57,19 @@ def test_every_class_is_found_without_a_click(warm, ssl_field, known):
     assert [CLASS_NAMES[c] for c in classes] == ["floor", "goal_negative_x", "ball"]
 
 
-def test_a_frame_of_something_else_is_left_out(warm, ssl_field):
+def test_frames_that_are_of_no_use_are_left_out(warm, ssl_field):
+    def damaged():
+        raise FrameError("x.png: is empty")
+
     wall = np.full_like(warm[0].frame, 190)
-    frames = [("wall", lambda: wall), ("night", lambda: np.zeros_like(wall)), *reads(warm[:4])]
-    result = calibrate_colors(ssl_field, frames)
+    useless = [("wall", lambda: wall), ("night", lambda: np.zeros_like(wall)), ("x.png", damaged)]
+    result = calibrate_colors(ssl_field, [*useless, *reads(warm[:4])])
     assert result.frames == 4
-    assert any("1 of 5" in note for note in result.notes)
-    assert any("night" in note for note in result.notes)
+    assert result.notes == (
+        "night: too dark, or nothing of the floor in view: left out",
+        "x.png: is empty: left out",
+        "1 of 5 images show another floor than the rest: left out",
+    )
 
 
 def test_nothing_to_learn_from(ssl_field):
@@ -84,37 +79,15 @@ def test_nothing_to_learn_from(ssl_field):
     assert "floor" in result.reason
 
 
-def test_a_grey_floor_is_reported(ssl_field):
-    rng = np.random.default_rng(0)
-    grey = np.clip(rng.normal(90, 2, (120, 160, 3)), 0, 255).astype(np.uint8)
-    grey[40:60] = (60, 110, 70)
-    grey[:30] = (220, 240, 200)
-    result = calibrate_colors(ssl_field, [("grey", lambda: grey)], mask=None)
-    assert result
-
-
 def test_frames_are_read_one_at_a_time(warm, ssl_field):
     held = []
 
-    def read(one):
-        held.append(one.index)
-        return one.frame
-
     def frames():
-        for i, one in enumerate(warm):
+        for i, (name, read) in enumerate(reads(warm)):
             assert len(held) == i
-            yield str(one.index), lambda one=one: read(one)
+            yield name, lambda name=name, read=read: held.append(name) or read()
 
     assert calibrate_colors(ssl_field, frames()).frames == len(warm)
-
-
-def test_a_damaged_image_is_noted(warm, ssl_field):
-    def broken():
-        raise FrameError("x.png: is empty")
-
-    result = calibrate_colors(ssl_field, [("x.png", broken), *reads(warm[:2])])
-    assert result.frames == 2
-    assert result.notes == ("x.png: is empty: left out",)
 
 
 def test_the_command_writes_a_file_and_a_preview(folder, capsys):
@@ -160,27 +133,14 @@ def test_each_mistake_is_one_line(arguments, said, folder, tmp_path, refused):
     assert said in refused("calibrate", "colors", *(places.get(a, a) for a in arguments))
 
 
-def test_a_ball_and_white_lines_wide_in_view(ssl_field, paper_camera):
-    field = load_field("four_legged_2007")
-    from robocup_vision.camera import PinholeCamera
-
+def test_a_ball_and_white_lines_wide_in_view(paint_field):
+    field, pose = load_field("four_legged_2007"), Pose2(1.0, 0.0, 0.0)
     camera = PinholeCamera((320, 240), (300.0, 300.0), (159.5, 119.5), 0.3, pan_rad=0.0, tilt_rad=-0.35, roll_rad=0.0)
-    pose = Pose2(1.0, 0.0, 0.0)
-    v, u = np.mgrid[:240, :320]
-    floor = camera.pixel_to_floor(np.stack([u, v], axis=-1))
-    on = pose.transform(np.nan_to_num(floor, nan=99.0).reshape(-1, 2)).reshape(240, 320, 2)
-    frame = np.where(np.isfinite(floor[..., :1]), np.array([45.0, 120.0, 50.0]), 60.0)
-    x0, y0, x1, y1 = field.lines.T
-    for a, b, c, d in zip(x0, y0, x1, y1, strict=True):
-        length = math.hypot(c - a, d - b)
-        along = ((on - (a, b)) @ (c - a, d - b)) / length
-        aside = np.abs((on[..., 0] - a) * (d - b) - (on[..., 1] - b) * (c - a)) / length
-        painted = (aside <= field.line_width_m / 2) & (along >= 0) & (along <= length)
-        frame[painted] = (210.0, 200.0, 180.0)
+    frame = paint_field(camera, field, pose, noise=2.0, rng=np.random.default_rng(2))
     cv2.circle(frame, (200, 200), 14, (30, 100, 220), -1)
-    frame = np.clip(frame + np.random.default_rng(2).normal(0, 2, frame.shape), 0, 255).astype(np.uint8)
+    frame = np.clip(0.8 * frame * CAST, 0, 255).astype(np.uint8)
     result = calibrate_colors(field, [("0", lambda: frame)], camera, {"0": pose})
     line, ball = result.colors.line, result.colors.ball
-    assert (line.red_ratio, line.blue_ratio) == pytest.approx((0.9, 1.05), rel=0.03)
-    if result.pixels["ball"]:
-        assert (ball.red_ratio, ball.blue_ratio) == pytest.approx((2.2, 0.3), rel=0.1)
+    assert (line.red_ratio, line.blue_ratio) == pytest.approx(under((225, 230, 225)), rel=0.03)
+    assert result.pixels["ball"] > 0
+    assert (ball.red_ratio, ball.blue_ratio) == pytest.approx(under((30, 100, 220)), rel=0.1)
