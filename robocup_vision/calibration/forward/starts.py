@@ -29,8 +29,7 @@ _VIEWS_RAD = {
 _FOCAL_STEP = 0.13
 # from small robots to those of the middle size, and large humanoids
 _HEIGHTS_M = (0.16, 0.21, 0.28, 0.37, 0.5, 0.66, 0.88)
-# least and greatest tilt, and step
-_TILTS_RAD, _TILT_STEP_RAD = (-0.7, 0.1), 0.1
+_TILTS_RAD: tuple[float, ...] = tuple(np.linspace(-0.7, 0.1, 9).tolist())
 # deviations from a camera file's focal length, as logarithms
 _LOG_FOCALS = (-0.16, -0.08, 0.0, 0.08, 0.16)
 # brightness of a rim relative to the picture's middle third, above that of stray light
@@ -150,7 +149,7 @@ def starts_of(size_px: tuple[int, int], known: KnownOfCamera | PinholeCamera) ->
 
     Starts from a camera have its height, focal lengths near its own, and its tilt if it has one.
     """
-    tilts = _tilts() if known.tilt_rad is None else [known.tilt_rad]
+    tilts = _TILTS_RAD if known.tilt_rad is None else (known.tilt_rad,)
     if isinstance(known, PinholeCamera):
         scales = [math.exp(log) for log in _LOG_FOCALS]
         scaled = [replace(known, focal_px=(known.focal_px[0] * one, known.focal_px[1] * one)) for one in scales]
@@ -170,11 +169,6 @@ def starts_of(size_px: tuple[int, int], known: KnownOfCamera | PinholeCamera) ->
         for up in heights
         for tilt in tilts
     ]
-
-
-def _tilts() -> list[float]:
-    low, high = _TILTS_RAD
-    return [float(tilt) for tilt in np.linspace(low, high, 1 + round((high - low) / _TILT_STEP_RAD))]
 
 
 def _focal_px(width_px: int, view_rad: float, model: LensModel) -> float:

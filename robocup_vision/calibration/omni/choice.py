@@ -357,22 +357,20 @@ class Trust:
 
     def range_note(self, fit: Fit, covariance: FloatArray, equally_good: Sequence[OmniCamera] = ()) -> str:
         """Return the standard deviations of the floor range, near and far, also with equally good cameras."""
-        known = self._known(self._range_std(fit, covariance))
+        ranges_m = _RANGE_RADII * self.shape.field.robot_radius_m
+
+        def known(cameras: Sequence[OmniCamera]) -> str:
+            near_to_far = zip(self._range_std(fit, covariance, cameras), ranges_m, strict=True)
+            return ", ".join(f"{100 * std:.1f} % at {range_m:.2g} m" for std, range_m in near_to_far if std >= 0)
+
+        note = f"its standard deviation is {known(())}"
         if not equally_good:
-            return f"its standard deviation is {known}"
-        together = self._known(self._range_std(fit, covariance, equally_good))
-        return f"its standard deviation is {known} by this curve; {together} with others that explain as much"
-
-    def _known(self, std: FloatArray) -> str:
-        near_to_far = zip(std, self._range_m, strict=True)
-        return ", ".join(f"{100 * one:.1f} % at {at:.2g} m" for one, at in near_to_far if one >= 0)
-
-    @property
-    def _range_m(self) -> FloatArray:
-        return _RANGE_RADII * self.shape.field.robot_radius_m
+            return note
+        return f"{note} by this curve; {known(equally_good)} with others that explain as much"
 
     def _range_std(self, fit: Fit, covariance: FloatArray, equally_good: Sequence[OmniCamera] = ()) -> FloatArray:
-        return range_std(fit, covariance, fit.camera.floor_range.radius_px(1.0 / self._range_m), equally_good)
+        inverse_per_m = 1.0 / (_RANGE_RADII * self.shape.field.robot_radius_m)
+        return range_std(fit, covariance, fit.camera.floor_range.radius_px(inverse_per_m), equally_good)
 
     def _unsure_of_lines(self, fit: Fit, covariance: FloatArray, points: Points, agrees: npt.NDArray[np.bool_]) -> str:
         """Return why lines alone do not determine the camera; empty if they do."""

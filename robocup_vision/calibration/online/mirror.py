@@ -19,7 +19,8 @@ from robocup_vision.estimates import PoseEstimate
 from robocup_vision.perception.line_points import LineFinder
 from robocup_vision.view import View
 
-DESIGN_HEIGHT_PX = 220.0
+# height of the image to which the pixels of the settings refer
+_DESIGN_HEIGHT_PX = 220.0
 
 
 class MirrorEvidence:
@@ -38,7 +39,7 @@ class MirrorEvidence:
         self._shape = FieldShape(field)
         self._finder = LineFinder(camera, field.line_width_m, mask)
         self._model = CameraModel(camera, "magnified")
-        self._px = min(camera.size_px) / DESIGN_HEIGHT_PX
+        self._px = min(camera.size_px) / _DESIGN_HEIGHT_PX
         self.start = self._model.vector(camera)
         self.std = np.empty(self._model.size)
         self.std[CENTER], self.std[TILT] = mirror.center_std_px * self._px, mirror.tilt_std_rad

@@ -107,21 +107,14 @@ class PinholeEvidence:
         return self.equations(frame, held, view.pose.pose.compose(held.camera_in_robot), belief)
 
     def equations(self, frame: UInt8Array, held: PinholeCamera, pose: Pose2, belief: Belief) -> FrameEquations | None:
-        """Return a frame's equations for the parameters and its nuisance parameters, about the belief's start and pose.
+        """Return a frame's equations about the belief's start and a camera's pose on the field; None as `of`.
 
-        The nuisance parameters are the camera's pose on the field, and the body's sway in tilt, roll and height.
+        The nuisance parameters are the camera's pose, and the body's sway in tilt, roll and height.
 
         Parameters
         ----------
         held : PinholeCamera
             The camera in this frame.
-        pose : Pose2
-            Pose of the camera on the field.
-
-        Returns
-        -------
-        FrameEquations or None
-            None under the conditions of `of`.
         """
         mounting = np.array([held.tilt_rad or 0.0, held.roll_rad or 0.0, held.height_m])
         if not np.array_equal(self._lens_of, belief.start):

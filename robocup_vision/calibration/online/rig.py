@@ -129,15 +129,7 @@ class RigEvidence:
     def _of_camera(
         self, eye: PinholeEvidence, frame: UInt8Array, view: View, body: Pose2, belief: Belief
     ) -> _Terms | None:
-        """Return one camera's evidence; None if it is too little.
-
-        Parameters
-        ----------
-        body : Pose2
-            Pose of the body at the moment of the frames, from all cameras.
-        belief : Belief
-            Prior of the camera's four parameters.
-        """
+        """Return one camera's evidence, with the body's pose from all cameras; None if it is too little."""
         held = view.camera
         measured = self._measured(view)
         if measured is None or not view.pose or not isinstance(held, PinholeCamera):
