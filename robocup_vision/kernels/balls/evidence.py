@@ -7,7 +7,6 @@ partly hidden or touch an object of its colour.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -40,69 +39,31 @@ _IN_RATIO, _IN_PX = 0.8, 0.7
 _MAX_REACH = 3.0
 # added to the brightness, because the hue of dark pixels is noise
 _DARK = 10.0
-
-
-class BallEvidence(NamedTuple):
-    """Distributions of the measurements of balls, and of clutter of the ball's colour.
-
-    Continuous measurements are normal for a ball and uniform for clutter. Counts of places are binomial for both.
-
-    Parameters
-    ----------
-    outlier_ratio : float
-        Probability that a measurement of a ball is an outlier.
-    size_span, shape_span, fill_span : float
-        Widths of the uniform densities: of the logarithms of size, slenderness and filled part of the ellipse.
-    size_px, shape_px : float
-        Errors of a blob's half sizes by whole pixels and blur.
-    fill_std, fill_px : float
-        Standard deviation of the logarithm of the filled part, and its increase by one over the half size, pixels.
-    rim_pixels : float
-        Number of neighbouring places that count as one independent place.
-    inside_ball, inside_clutter : float
-        Probability that a place inside the rim has the hue.
-    outside_ball, outside_clutter : float
-        Probability that a place outside the rim has the hue.
-    near_ball, near_clutter : float
-        Probability that a place outside the rim on the robot's side shows floor.
-    far_ball, far_clutter : float
-        The same on the far side, where boards or robots may be.
-    clear_stds, clear_slope, murky_slope, min_clear, max_clear : float
-        The contrast is the difference between the hues inside and outside, in units of the spread outside. `clear_stds`
-        is neutral; the slopes are nats for each unit above and below; the nats are clipped to the bounds.
-    pure_slope, pure_ratio, max_pure : float
-        Nats for each unit by which the hue inside is farther than `pure_ratio` on the way from white to the ball's
-        colour, and their bound. Pale colours are common in clutter.
-    hue_noise : float
-        Spread of hues that noise alone causes.
-    """
-
-    outlier_ratio: float = 0.05
-    size_span: float = 6.0
-    shape_span: float = 3.0
-    fill_span: float = 2.0
-    size_px: float = 0.5
-    shape_px: float = 0.4
-    fill_std: float = 0.08
-    fill_px: float = 0.25
-    rim_pixels: float = 3.0
-    inside_ball: float = 0.95
-    inside_clutter: float = 0.6
-    outside_ball: float = 0.03
-    outside_clutter: float = 0.15
-    near_ball: float = 0.8
-    near_clutter: float = 0.5
-    far_ball: float = 0.5
-    far_clutter: float = 0.45
-    clear_stds: float = 3.0
-    clear_slope: float = 0.8
-    murky_slope: float = 2.0
-    min_clear: float = -4.0
-    max_clear: float = 3.0
-    pure_slope: float = 6.0
-    pure_ratio: float = 0.5
-    max_pure: float = 1.5
-    hue_noise: float = 0.03
+# distributions of the measurements of balls and of clutter of the ball's colour: continuous ones are normal for a ball
+# and uniform for clutter, and counts of places are binomial for both
+# probability that a measurement of a ball is an outlier
+OUTLIER_RATIO = 0.05
+# widths of the uniform densities: of the logarithms of size, slenderness and filled part of the ellipse
+_SIZE_SPAN, SHAPE_SPAN, _FILL_SPAN = 6.0, 3.0, 2.0
+# errors of a blob's half sizes by whole pixels and blur, and by them of its slenderness
+_SIZE_PX, _SHAPE_PX = 0.5, 0.4
+# standard deviation of the logarithm of the filled part, and its increase by one over the half size, pixels
+_FILL_STD, _FILL_PX = 0.08, 0.25
+# number of neighbouring places that count as one independent place
+_RIM_PIXELS = 3.0
+# probabilities for ball and clutter that a place inside the rim, or outside, has the hue
+_HUED_INSIDE, _HUED_OUTSIDE = (0.95, 0.6), (0.03, 0.15)
+# the same that a place outside the rim shows floor: on the robot's side, and on the far side, where boards or robots
+# may be
+_NEAR_FLOOR, _FAR_FLOOR = (0.8, 0.5), (0.5, 0.45)
+# the contrast is the difference between the hues inside and outside, in units of the spread outside: the neutral one,
+# nats for each unit above and below it, and the bounds of the nats
+_CLEAR_STDS, _CLEAR_SLOPE, _MURKY_SLOPE, _MIN_CLEAR, _MAX_CLEAR = 3.0, 0.8, 2.0, -4.0, 3.0
+# nats for each unit by which the hue inside is farther than a ratio of the way from white to the ball's colour, that
+# ratio, and the bound of the nats, because pale colours are common in clutter
+_PURE_SLOPE, _PURE_RATIO, _MAX_PURE = 6.0, 0.5, 1.5
+# spread of hues that noise alone causes
+_HUE_NOISE = 0.03
 
 
 @compiled
@@ -114,7 +75,6 @@ def find_and_weigh(
     color: BallColor,
     size: BallSize,
     table: FloorTable,
-    evidence: BallEvidence,
     blobs: FloatArray,
     ratios: FloatArray,
 ) -> tuple[int, int]:
@@ -122,11 +82,10 @@ def find_and_weigh(
 
     The named tuples may be plain ones.
     """
-    scratch, color, size = Scratch(*scratch), BallColor(*color), BallSize(*size)
-    table, evidence = FloorTable(*table), BallEvidence(*evidence)
+    scratch, color, size, table = Scratch(*scratch), BallColor(*color), BallSize(*size), FloorTable(*table)
     count, stamp = find_blobs(frame, seeds, scratch, first_stamp, color, size, blobs)
     if count > 0:
-        weigh_blobs(frame, blobs[:count], color, size, table, evidence, ratios)
+        weigh_blobs(frame, blobs[:count], color, size, table, ratios)
     return count, stamp
 
 
@@ -137,7 +96,6 @@ def weigh_blobs(
     color: BallColor,
     size: BallSize,
     table: FloorTable,
-    evidence: BallEvidence,
     out: FloatArray,
 ) -> None:
     """Compute the log-likelihood ratio of each blob.
@@ -150,8 +108,6 @@ def weigh_blobs(
         As `find_blobs` fills them.
     color, size, table
         Appearance of a ball and of the floor.
-    evidence : BallEvidence
-        Distributions of the measurements.
     out : (N,) float64
         Filled with the log-likelihood ratios, nats.
     """
@@ -162,32 +118,32 @@ def weigh_blobs(
         radius = math.sqrt(x * x + y * y)
         index = int(radius + 0.5)
         a, t = size.along_px[index], size.across_px[index]
-        llr = _rim_llr(frame, blob, color, size, table, evidence, rim)
+        llr = _rim_llr(frame, blob, color, size, table, rim)
         log_std, half_px = size.log_std[index], max(math.sqrt(a * t), 0.5)
         measured_px = max(math.sqrt(blob[ALONG] * blob[ACROSS]), 0.5)
         fill = math.log(blob[TOTAL] / (math.pi * blob[ALONG] * blob[ACROSS] + 1e-9) + 1e-9)
         # an ellipse has a filled part of one; pixels of the outline add a little
-        fill_std = evidence.fill_std + evidence.fill_px / measured_px
-        llr += _normal_llr(min(fill + 0.03, 0.0), fill_std, evidence.fill_span, evidence.outlier_ratio)
+        fill_std = _FILL_STD + _FILL_PX / measured_px
+        llr += _normal_llr(min(fill + 0.03, 0.0), fill_std, _FILL_SPAN)
         if blob[CUT] == 0.0:
-            size_std = math.sqrt(log_std**2 + (evidence.size_px / half_px) ** 2)
+            size_std = math.sqrt(log_std**2 + (_SIZE_PX / half_px) ** 2)
             by_hue = math.log(measured_px / math.sqrt((a + 0.2) * (t + 0.2)))
             by_floor = math.log(max(_floor_distance(frame, blob, color, size, table), 0.1))
             # glare and compression change the colour of a part of a small ball: the floor around it also gives its size
-            by_hue = _normal_llr(by_hue, size_std, evidence.size_span, evidence.outlier_ratio)
-            by_floor = _normal_llr(by_floor, size_std, evidence.size_span, evidence.outlier_ratio)
+            by_hue = _normal_llr(by_hue, size_std, _SIZE_SPAN)
+            by_floor = _normal_llr(by_floor, size_std, _SIZE_SPAN)
             llr += max(by_hue, by_floor - math.log(2.0))
-            shape_std = math.sqrt(size.shape_std**2 + 2.0 * (evidence.shape_px / measured_px) ** 2)
+            shape_std = math.sqrt(size.shape_std**2 + 2.0 * (_SHAPE_PX / measured_px) ** 2)
             slender = math.log((blob[ALONG] + 0.1) / (blob[ACROSS] + 0.1)) - math.log(a / t)
-            llr += _normal_llr(slender, shape_std, evidence.shape_span, evidence.outlier_ratio)
+            llr += _normal_llr(slender, shape_std, SHAPE_SPAN)
         out[n] = llr
 
 
 @compiled
-def _normal_llr(x: float, std: float, span: float, outliers: float) -> float:
+def _normal_llr(x: float, std: float, span: float) -> float:
     """Log-likelihood ratio of a normal density with outliers against a uniform density over a span."""
     density = math.exp(-0.5 * (x / std) ** 2) / (std * math.sqrt(2.0 * math.pi))
-    return math.log((1.0 - outliers) * density * span + outliers)
+    return math.log((1.0 - OUTLIER_RATIO) * density * span + OUTLIER_RATIO)
 
 
 @compiled
@@ -211,7 +167,6 @@ def _rim_llr(
     color: BallColor,
     size: BallSize,
     table: FloorTable,
-    evidence: BallEvidence,
     rim: FloatArray,
 ) -> float:
     """Log-likelihood ratio of the places inside and outside the rim: hue inside, no hue outside, floor around."""
@@ -270,25 +225,25 @@ def _rim_llr(
         else:
             far += 1
             far_floor += is_floor
-    llr = _count_llr(hued, inside, evidence.inside_ball, evidence.inside_clutter)
-    llr += _count_llr(like, outside, evidence.outside_ball, evidence.outside_clutter)
-    llr += _count_llr(near_floor, near, evidence.near_ball, evidence.near_clutter)
-    llr += _count_llr(far_floor, far, evidence.far_ball, evidence.far_clutter)
-    llr /= evidence.rim_pixels
+    llr = _count_llr(hued, inside, *_HUED_INSIDE)
+    llr += _count_llr(like, outside, *_HUED_OUTSIDE)
+    llr += _count_llr(near_floor, near, *_NEAR_FLOOR)
+    llr += _count_llr(far_floor, far, *_FAR_FLOOR)
+    llr /= _RIM_PIXELS
     if unclipped == 0 or outside < 4:
         return float(llr)
     hue_inside /= unclipped
     pure = color.plane_ratio + math.asin(min(max(hue_inside, -1.0), 1.0)) / color.apart_rad
-    nats = evidence.pure_slope * (pure - evidence.pure_ratio)
-    llr += min(max(nats, -evidence.max_pure), evidence.max_pure)
+    nats = _PURE_SLOPE * (pure - _PURE_RATIO)
+    llr += min(max(nats, -_MAX_PURE), _MAX_PURE)
     # quartiles are robust against a line, a board or a robot beside the ball
     around = rim[:outside]
     sort(around)
     low, middle, high = around[outside // 4], around[outside // 2], around[(3 * outside) // 4]
-    clear = (hue_inside - middle) / ((high - low) / 1.35 + evidence.hue_noise)
-    slope = evidence.clear_slope if clear >= evidence.clear_stds else evidence.murky_slope
-    nats = slope * (clear - evidence.clear_stds)
-    return float(llr + min(max(nats, evidence.min_clear), evidence.max_clear))
+    clear = (hue_inside - middle) / ((high - low) / 1.35 + _HUE_NOISE)
+    slope = _CLEAR_SLOPE if clear >= _CLEAR_STDS else _MURKY_SLOPE
+    nats = slope * (clear - _CLEAR_STDS)
+    return float(llr + min(max(nats, _MIN_CLEAR), _MAX_CLEAR))
 
 
 @compiled

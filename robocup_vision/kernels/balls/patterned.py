@@ -7,16 +7,18 @@ its surroundings must be, except for lines, posts and other balls.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, UInt64Array
+from robocup_vision.arrays import FloatArray, UInt8Array, UInt64Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.bits import EVERY_BIT, NO_BITS, ONE, eight_equal, lowest
 from robocup_vision.kernels.balls.patterned_carpet import CARPET, NEUTRAL
 
+# directions of a rim, (DIRECTIONS, 2) unit vectors
 DIRECTIONS = 24
+_TURNS = np.arange(DIRECTIONS) * math.tau / DIRECTIONS
+_DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
 # directions of a first test, of which three must agree: half a rim has four, and one may be wrong
 _ROUGH = 8
 _LAST = np.uint64(63)
@@ -28,51 +30,30 @@ _AROUND = (2.0, 3.0)
 _UNDERSIDE = 0.5
 # discs at one place whose radii differ by this ratio are separate candidates
 _OTHER_SIZE = 1.3
-
-
-class DiscSearch(NamedTuple):
-    """Sampling of rims, and bounds of what a disc must show.
-
-    Parameters
-    ----------
-    inner, outer, beyond_px : float
-        Radii of the samples inside and outside the rim, in radii; pixels added to the outer one for the picture's blur.
-    steps : float
-        Step between places, in radii.
-    min_inside, min_agree : float
-        Least ratio of inner samples that are not carpet; least ratio of visible directions that are ball inside and
-        carpet outside.
-    apart : float
-        Of two discs of similar size that are closer than this number of radii, one is kept.
-    max_dark, min_dark : float
-        Level of a dark patch, at most, relative to the white; least ratio of a disc that is dark.
-    """
-
-    inner: float
-    outer: float
-    beyond_px: float
-    steps: float
-    min_inside: float
-    min_agree: float
-    apart: float
-    max_dark: float
-    min_dark: float
+# samples inside and outside the rim, in radii, and pixels added to the outer ones for the picture's blur
+_INNER, _OUTER, _BEYOND_PX = 0.82, 1.12, 1.5
+# step between places, in radii
+_STEPS = 0.25
+# least ratio of inner samples that are not carpet, and of visible directions that are ball inside and carpet outside
+_MIN_INSIDE, _MIN_AGREE = 0.8, 0.5
+# of two discs of similar size that are closer than this number of radii, one is kept
+_APART = 0.7
+# level of a dark patch, at most, relative to the white; least ratio of a disc that is dark
+_MAX_DARK, _MIN_DARK = 0.55, 0.04
 
 
 @compiled
-def measure_disc(
-    kinds: UInt8Array, directions: FloatArray, u: float, v: float, radius: float, search: DiscSearch
-) -> tuple[int, int, float]:
+def measure_disc(kinds: UInt8Array, u: float, v: float, radius: float) -> tuple[int, int, float]:
     """Return the numbers of directions that are ball inside and carpet outside, and that are visible; ratio of ball.
 
     Places of the underside that have the carpet's colour are not counted.
     """
     height, width = kinds.shape
     agree, shown, inside, count = 0, 0, 0, 0
-    far = search.outer * radius + search.beyond_px
-    for k in range(len(directions)):
-        c, s = directions[k, 0], directions[k, 1]
-        x, y = int(u + search.inner * radius * c + 0.5), int(v + search.inner * radius * s + 0.5)
+    far = _OUTER * radius + _BEYOND_PX
+    for k in range(DIRECTIONS):
+        c, s = _DIRECTIONS[k, 0], _DIRECTIONS[k, 1]
+        x, y = int(u + _INNER * radius * c + 0.5), int(v + _INNER * radius * s + 0.5)
         if x < 0 or y < 0 or x >= width or y >= height:
             continue
         is_ball = kinds[y, x] == NEUTRAL
@@ -90,42 +71,6 @@ def measure_disc(
         shown += 1
         agree += is_ball and kinds[y, x] == CARPET
     return agree, shown, inside / max(count, 1)
-
-
-@compiled
-def _offsets(directions: FloatArray, radius: float, search: DiscSearch, width: int, out: Int64Array) -> int:
-    """Write the offsets of a disc's samples in a flattened frame, and return the disc's reach in pixels.
-
-    Parameters
-    ----------
-    directions, radius, search
-        As in `measure_disc`.
-    width : int
-        Width of the frame.
-    out : (3, DIRECTIONS) int64
-        Filled: inside the rim, half-way to the middle, and outside the rim.
-    """
-    away = search.inner * radius, 0.5 * radius, search.outer * radius + search.beyond_px
-    for i in range(3):
-        for k in range(len(directions)):
-            x, y = math.floor(away[i] * directions[k, 0] + 0.5), math.floor(away[i] * directions[k, 1] + 0.5)
-            out[i, k] = int(y) * width + int(x)
-    return int(max(away[0], away[2])) + 2
-
-
-@compiled
-def _measure_within(kinds: UInt8Array, directions: FloatArray, at: int, offsets: Int64Array) -> tuple[int, int, float]:
-    """Measure as `measure_disc` does a disc that is completely inside a frame, which is flattened; `at`: its middle."""
-    agree, shown, inside = 0, 0, 0
-    for k in range(len(directions)):
-        near = kinds[np.uint64(at + offsets[0, k])]
-        counts = not ((directions[k, 1] > _UNDERSIDE) & (near == CARPET))
-        is_ball = near == NEUTRAL
-        shown += counts
-        inside += counts & is_ball
-        inside += counts & (kinds[np.uint64(at + offsets[1, k])] == NEUTRAL)
-        agree += is_ball & (kinds[np.uint64(at + offsets[2, k])] == CARPET)
-    return agree, shown, inside / max(2 * shown, 1)
 
 
 @compiled
@@ -166,10 +111,8 @@ def _beside(bits: UInt64Array, row: int, word: int, offset: int) -> np.uint64:
 @compiled
 def find_discs(
     kinds: UInt8Array,
-    directions: FloatArray,
     radii: FloatArray,
     row_radii: FloatArray,
-    search: DiscSearch,
     out: FloatArray,
 ) -> int:
     """Write the discs that may be balls into `out` (N, COLUMNS), and return their number.
@@ -180,36 +123,29 @@ def find_discs(
     ----------
     kinds : (H, W) uint8
         From `patterned_carpet.classify`.
-    directions : (DIRECTIONS, 2) float64
-        Unit vectors.
     radii : (R,) float64
         Radii to test, px.
     row_radii : (H, 2) float64
         Least and greatest radius of a disc whose middle is in each row.
-    search : DiscSearch
-        Where rims are looked for.
     out : (N, COLUMNS) float64
         Filled.
     """
-    search = DiscSearch(*search)
     height, width = kinds.shape
     found = 0
     # outside the picture there may be ball, but no carpet
     words = (width + 63) // 64
-    beyond = (int(search.outer * radii.max() + search.beyond_px) + 64) // 64 if len(radii) else 1
+    beyond = (int(_OUTER * radii.max() + _BEYOND_PX) + 64) // 64 if len(radii) else 1
     ball = _bits(kinds, variable(NEUTRAL), EVERY_BIT, words, beyond)
     carpet = _bits(kinds, variable(CARPET), NO_BITS, words, beyond)
     rim, far = np.empty((_ROUGH, 2), dtype=np.int64), np.empty((_ROUGH, 2), dtype=np.int64)
     places = np.empty(words, dtype=np.uint64)
-    flat, offsets = kinds.reshape(-1), np.empty((3, len(directions)), dtype=np.int64)
     for n in range(len(radii)):
         radius = radii[n]
-        step = max(int(search.steps * radius + 0.5), 1)
+        step = max(int(_STEPS * radius + 0.5), 1)
         near = int(0.6 * radius)
-        margin = _offsets(directions, radius, search, width, offsets)
         for k in range(_ROUGH):
-            c, s = directions[k * DIRECTIONS // _ROUGH]
-            within, reach = search.inner * radius, search.outer * radius + search.beyond_px
+            c, s = _DIRECTIONS[k * DIRECTIONS // _ROUGH]
+            within, reach = _INNER * radius, _OUTER * radius + _BEYOND_PX
             rim[k, 0], rim[k, 1] = math.floor(within * c + 0.5), math.floor(within * s + 0.5)
             far[k, 0], far[k, 1] = math.floor(reach * c + 0.5), math.floor(reach * s + 0.5)
         for word in range(words):
@@ -247,12 +183,9 @@ def find_discs(
                 while here != NO_BITS:
                     u = 64 * word + lowest(here)
                     here &= here - ONE
-                    if margin <= u < width - margin and margin <= v < height - margin:
-                        agree, shown, inside = _measure_within(flat, directions, v * width + u, offsets)
-                    else:
-                        agree, shown, inside = measure_disc(kinds, directions, float(u), float(v), radius, search)
-                    is_disc = shown >= DIRECTIONS // 2 and agree >= search.min_agree * shown
-                    if is_disc and inside >= search.min_inside and found < len(out):
+                    agree, shown, inside = measure_disc(kinds, float(u), float(v), radius)
+                    is_disc = shown >= DIRECTIONS // 2 and agree >= _MIN_AGREE * shown
+                    if is_disc and inside >= _MIN_INSIDE and found < len(out):
                         out[found, U], out[found, V], out[found, RADIUS] = u, v, radius
                         out[found, AGREE], out[found, INSIDE] = agree / shown, inside
                         found += 1
@@ -260,9 +193,7 @@ def find_discs(
 
 
 @compiled
-def best_discs(
-    kinds: UInt8Array, level: UInt8Array, directions: FloatArray, search: DiscSearch, found: FloatArray, out: FloatArray
-) -> int:
+def best_discs(kinds: UInt8Array, level: UInt8Array, found: FloatArray, out: FloatArray) -> int:
     """Keep the best of similar discs that overlap, fit its place and size, measure its patches; return the number kept.
 
     Parameters
@@ -271,16 +202,11 @@ def best_discs(
         From `patterned_carpet.classify`.
     level : (H, W) uint8
         Green, in which carpet is not dark.
-    directions : (DIRECTIONS, 2) float64
-        Unit vectors.
-    search : DiscSearch
-        Where rims are looked for.
     found : (N, COLUMNS) float64
         From `find_discs`.
     out : (M, COLUMNS) float64
         Filled.
     """
-    search = DiscSearch(*search)
     # prefers larger discs slightly, because a disc within a ball agrees nearly as well
     score = np.empty(len(found))
     for n in range(len(found)):
@@ -292,27 +218,27 @@ def best_discs(
             break
         tried[n, U], tried[n, V], tried[n, RADIUS] = found[best, U], found[best, V], found[best, RADIUS]
         for m in range(len(score)):
-            far = search.apart * max(found[m, RADIUS], tried[n, RADIUS])
+            far = _APART * max(found[m, RADIUS], tried[n, RADIUS])
             # a ball and the line that it touches look like a larger ball: other sizes stay, for later tests to decide
             size = max(found[m, RADIUS], tried[n, RADIUS]) / min(found[m, RADIUS], tried[n, RADIUS])
             if score[m] >= 0.0 and size < _OTHER_SIZE:
                 if math.hypot(found[m, U] - tried[n, U], found[m, V] - tried[n, V]) < far:
                     score[m] = -1.0
-        rough = measure_patches(kinds, level, tried[n, U], tried[n, V], tried[n, RADIUS], search.max_dark)
-        if rough[1] < search.min_dark:
+        rough = measure_patches(kinds, level, tried[n, U], tried[n, V], tried[n, RADIUS])
+        if rough[1] < _MIN_DARK:
             continue
         if kept == len(out):
             break
-        _refine(kinds, directions, search, tried[n], out[kept])
+        _refine(kinds, tried[n], out[kept])
         row = out[kept]
-        row[WHITE], row[DARK] = measure_patches(kinds, level, row[U], row[V], row[RADIUS], search.max_dark)
-        row[CARPET_LEVEL], row[AROUND] = _surroundings(kinds, level, directions, row, search)
+        row[WHITE], row[DARK] = measure_patches(kinds, level, row[U], row[V], row[RADIUS])
+        row[CARPET_LEVEL], row[AROUND] = _surroundings(kinds, level, row)
         kept += 1
     return kept
 
 
 @compiled
-def _refine(kinds: UInt8Array, directions: FloatArray, search: DiscSearch, start: FloatArray, out: FloatArray) -> None:
+def _refine(kinds: UInt8Array, start: FloatArray, out: FloatArray) -> None:
     """Write the best disc near a start, over small changes of place and size."""
     best = -1.0
     for k in range(5):
@@ -321,29 +247,27 @@ def _refine(kinds: UInt8Array, directions: FloatArray, search: DiscSearch, start
         for i in range(-1, 2):
             for j in range(-1, 2):
                 u, v = start[0] + step * i, start[1] + step * j
-                agree, shown, inside = measure_disc(kinds, directions, u, v, radius, search)
+                agree, shown, inside = measure_disc(kinds, u, v, radius)
                 if shown >= DIRECTIONS // 2 and agree / shown + inside > best + 1e-9:
                     best = agree / shown + inside
                     out[U], out[V], out[RADIUS], out[AGREE], out[INSIDE] = u, v, radius, agree / shown, inside
-                    out[SHOWN] = shown / len(directions)
+                    out[SHOWN] = shown / DIRECTIONS
 
 
 @compiled
-def _surroundings(
-    kinds: UInt8Array, level: UInt8Array, directions: FloatArray, row: FloatArray, search: DiscSearch
-) -> tuple[float, float]:
+def _surroundings(kinds: UInt8Array, level: UInt8Array, row: FloatArray) -> tuple[float, float]:
     """Return the mean level of the carpet at a disc's rim, and the ratio of carpet farther out."""
     height, width = kinds.shape
-    near = search.outer * row[RADIUS] + search.beyond_px
+    near = _OUTER * row[RADIUS] + _BEYOND_PX
     total, count, carpet, shown = 0.0, 0, 0, 0
-    for k in range(len(directions)):
-        x, y = int(row[U] + near * directions[k, 0] + 0.5), int(row[V] + near * directions[k, 1] + 0.5)
+    for k in range(DIRECTIONS):
+        x, y = int(row[U] + near * _DIRECTIONS[k, 0] + 0.5), int(row[V] + near * _DIRECTIONS[k, 1] + 0.5)
         if 0 <= x < width and 0 <= y < height and kinds[y, x] == CARPET:
             total += level[y, x]
             count += 1
         for ratio in _AROUND:
             far = ratio * row[RADIUS]
-            x, y = int(row[U] + far * directions[k, 0] + 0.5), int(row[V] + far * directions[k, 1] + 0.5)
+            x, y = int(row[U] + far * _DIRECTIONS[k, 0] + 0.5), int(row[V] + far * _DIRECTIONS[k, 1] + 0.5)
             if 0 <= x < width and 0 <= y < height:
                 shown += 1
                 carpet += kinds[y, x] == CARPET
@@ -351,9 +275,7 @@ def _surroundings(
 
 
 @compiled
-def measure_patches(
-    kinds: UInt8Array, level: UInt8Array, u: float, v: float, radius: float, max_dark: float
-) -> tuple[float, float]:
+def measure_patches(kinds: UInt8Array, level: UInt8Array, u: float, v: float, radius: float) -> tuple[float, float]:
     """Return the brightness of a disc's white (mean of the upper half of its levels), and the ratio of dark places."""
     height, width = kinds.shape
     reach = int(0.85 * radius + 0.5)
@@ -379,6 +301,6 @@ def measure_patches(
         return 0.0, 0.0
     white, dark = total / number, 0
     for k in range(256):
-        if k < max_dark * white:
+        if k < _MAX_DARK * white:
             dark += bins[k]
     return white, dark / count

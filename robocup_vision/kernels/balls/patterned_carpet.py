@@ -13,11 +13,14 @@ from robocup_vision.kernels.algebra.order import quantiles
 # classes of pixels
 CARPET, NEUTRAL, COLORED = 0, 1, 2
 # the blue weighs less than the red, because a white ball in warm light is yellow
-BLUE_WEIGHT = 3 / 20
+_BLUE_WEIGHT = 3 / 20
 # noise of a pixel, added to its level before the logarithm is taken
-NOISE_COUNTS = 8.0
+_NOISE_COUNTS = 8.0
+_LOGS = np.log(np.arange(256) + _NOISE_COUNTS)
 # added to the sum of the channels, because the hue of a dark pixel is noise
-DARK_COUNTS = 30.0
+_DARK_COUNTS = 30.0
+# greatest hue and least greenness, see `classify`, of a pixel that is measured as carpet
+_MAX_HUE, _MIN_GREEN = -0.12, 0.1
 # logarithms of red and blue relative to green, beyond which a pixel is coloured
 _MAX_RED, _MAX_BLUE = 0.6, 0.4
 # sampling step in pixels, and samples in a row of a wide frame: a few thousand samples suffice for quartiles
@@ -28,7 +31,7 @@ BEYOND = 4.0
 
 @compiled(error_model="numpy")
 def measure_carpet(
-    blurred: UInt8Array, first: int, logs: FloatArray, max_hue: float, min_green: float, scratch: FloatArray
+    blurred: UInt8Array, first: int, scratch: FloatArray
 ) -> tuple[float, float, float, float, float, float]:
     """Return the ratio of carpet in a frame's lower part, quartiles of its hue, and medians of greenness and green.
 
@@ -38,10 +41,6 @@ def measure_carpet(
         Blue, green and red.
     first : int
         First row of the lower part.
-    logs : (256,) float64
-        Logarithm of each level plus `NOISE_COUNTS`.
-    max_hue, min_green : float
-        A pixel with less hue and more greenness may be carpet: see `classify`.
     scratch : (4, N) float64
         Room for one more than the number of sampled pixels.
     """
@@ -53,11 +52,11 @@ def measure_carpet(
             number += 1
             b, g, r = blurred[v, u, 0], blurred[v, u, 1], blurred[v, u, 2]
             total = float(b) + float(g) + float(r)
-            green = (3.0 * float(g) - total) / (total + DARK_COUNTS)
-            if not green > min_green:
+            green = (3.0 * float(g) - total) / (total + _DARK_COUNTS)
+            if not green > _MIN_GREEN:
                 continue
-            hue = logs[r] - logs[g] + BLUE_WEIGHT * (logs[b] - logs[g])
-            if hue < max_hue:
+            hue = _LOGS[r] - _LOGS[g] + _BLUE_WEIGHT * (_LOGS[b] - _LOGS[g])
+            if hue < _MAX_HUE:
                 hues[count], greens[count], levels[count] = hue, green, float(g)
                 count += 1
     if count == 0:
@@ -84,9 +83,9 @@ def classify(
     first : int
         The row. Pixels above it are `COLORED`.
     hue : float
-        Carpet has less: log(red / green) + `BLUE_WEIGHT` log(blue / green), with `NOISE_COUNTS` added to each level.
+        Carpet has less: log(red / green) + `_BLUE_WEIGHT` log(blue / green), with `_NOISE_COUNTS` added to each level.
     green : float
-        Carpet has more: (2 green - red - blue) / (red + green + blue + `DARK_COUNTS`).
+        Carpet has more: (2 green - red - blue) / (red + green + blue + `_DARK_COUNTS`).
     level : float
         Carpet has at least this green. Black patches that reflect the carpet are as green, but darker.
     levels : (H, W) uint8
@@ -98,7 +97,7 @@ def classify(
     # the hue's exponential to the 20th power, because powers are faster than logarithms
     most, least, dark = np.float32(math.exp(20.0 * hue)), np.float32(green), np.float32(level)
     max_red, max_blue = np.float32(math.exp(_MAX_RED)), np.float32(math.exp(_MAX_BLUE))
-    noise, counts, three = np.float32(NOISE_COUNTS), np.float32(DARK_COUNTS), np.float32(3.0)
+    noise, counts, three = np.float32(_NOISE_COUNTS), np.float32(_DARK_COUNTS), np.float32(3.0)
     blues, reds = np.empty((2, width), np.uint8)
     for v in range(first):
         for u in range(width):

@@ -12,6 +12,9 @@ from robocup_vision.kernels.balls.blobs import Bgr, FloorTable
 _ABOVE_RATIO, _BESIDE_RATIO, _BEYOND_PX = 1.35, 1.35, 2.0
 # places in a row: those within the blob's width, and all
 _WITHIN, _PLACES = 3, 5
+# an object continues if the colours on both sides differ from it by more than this number of levels plus this multiple
+# of its own spread
+_MIN_STEP, _SPREADS = 15.0, 2.0
 
 
 @compiled
@@ -21,8 +24,6 @@ def count_upright(
     halves: tuple[float, float],
     up: tuple[float, float],
     table: FloorTable,
-    min_step: float,
-    spreads: float,
 ) -> int:
     """Count the directions, up and down, in which an object of the blob's width continues in a colour other than floor.
 
@@ -38,9 +39,6 @@ def count_upright(
         Unit vector in the picture.
     table : FloorTable
         Floor colours; may be a plain tuple.
-    min_step, spreads : float
-        The colours on both sides must differ by more than this number of levels plus this multiple of the spread
-        inside.
     """
     table = FloorTable(*table)
     colors, found = np.empty((_PLACES, 3)), 0
@@ -48,7 +46,7 @@ def count_upright(
         ahead = way * (_ABOVE_RATIO * halves[0] + _BEYOND_PX)
         if _read_row(frame, (middle[0] + ahead * up[0], middle[1] + ahead * up[1]), halves[1], up, colors):
             inner, outer = colors[:_WITHIN], colors[_WITHIN:]
-            found += not _is_floor(inner, table) and _differs(inner, outer, min_step, spreads)
+            found += not _is_floor(inner, table) and _differs(inner, outer)
     return found
 
 
@@ -88,7 +86,7 @@ def _is_floor(colors: FloatArray, table: FloorTable) -> bool:
 
 
 @compiled
-def _differs(inner: FloatArray, outer: FloatArray, min_step: float, spreads: float) -> bool:
+def _differs(inner: FloatArray, outer: FloatArray) -> bool:
     """Whether all outer colours differ from the mean of the inner colours by more than the inner ones do."""
     count = len(inner)
     blue, green, red = inner[:, 0].sum() / count, inner[:, 1].sum() / count, inner[:, 2].sum() / count
@@ -97,7 +95,7 @@ def _differs(inner: FloatArray, outer: FloatArray, min_step: float, spreads: flo
         spread = max(spread, _apart(inner[n], (blue, green, red)))
     for n in range(len(outer)):
         apart = min(apart, _apart(outer[n], (blue, green, red)))
-    return bool(apart > min_step + spreads * spread)
+    return bool(apart > _MIN_STEP + _SPREADS * spread)
 
 
 @compiled

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import blobs as kernel
 from robocup_vision.kernels.balls.cut_ball import fit_cut_ball
-from robocup_vision.kernels.balls.evidence import BallEvidence, find_and_weigh
+from robocup_vision.kernels.balls.evidence import OUTLIER_RATIO, SHAPE_SPAN, find_and_weigh
 from robocup_vision.kernels.balls.upright import count_upright
 from robocup_vision.perception.balls.ball import Sighting
 from robocup_vision.perception.balls.look import BallFrame
@@ -27,83 +27,70 @@ _MIN_SWAP_DISTANCE = 0.5
 _RAW_NOISE = 3.0
 # beyond this log(1 + exp(x)) equals x, and the exponential may overflow
 _MAX_EXPONENT = 50.0
+# least log-likelihood ratio of a ball, given some hundred objects of its colour in a frame
+_MIN_LOG_LIKELIHOOD_RATIO = 6.5
+# decrease of that near balls of the last frame, and its radius in half sizes, because balls stay and few other objects
+# are that near
+_AGAIN_NATS, _AGAIN_HALF_SIZES = 3.0, 8.0
+# greatest number of blobs, for pictures full of the ball's colour
+_MAX_BLOBS = 128
+# margin of the ball's colour from white, standard deviations of the noise, because dark grey has any hue in noise
+_WHITE_NOISE_STDS = 0.5
+# position between white and the ball's colour at which it begins for clipped pixels: an overexposed ball is nearly
+# white
+_CLIPPED_RATIO = 0.15
+# margin of the ball's colour from the floor's, standard deviations of the noise
+_FLOOR_STDS = 3.5
+# brightness of the ball's shaded side, sum of its channels, relative to the lit floor
+_MIN_LEVEL = 0.6
+# least difference of a blob from the floor, standard deviations
+_MIN_SIGNAL = 4.0
+# mean log-likelihood ratio of a near floor that is all carpet; standard deviation of its decrease by robots and walls;
+# nats for a frame with such a floor
+_FLOOR_NATS, _FLOOR_STD, MAX_FLOOR = 3.0, 0.7, 1.0
+# scale, a logarithm, by which carpet is greener than grey and than the frame's white; cost of each unit less
+_GREEN_SCALE, _GREEN_NATS = 0.025, 2.0
+# standard deviation of the blob's centre
+_CENTER_STD_PX = 0.3
+# nats for each side, above and below a blob, on which an upright object continues
+_UPRIGHT_NATS = -2.5
 
 
-@dataclass(frozen=True, slots=True)
-class ColoredBallSettings:
-    """Settings of the search for coloured balls."""
-
-    #: distributions of the measurements of balls and of clutter
-    evidence: BallEvidence = field(default_factory=BallEvidence)
-    #: least log-likelihood ratio of a ball, given some hundred objects of its colour in a frame
-    min_log_likelihood_ratio: float = 6.5
-    #: decrease of that near balls of the last frame, and its radius in half sizes, because balls stay and few other
-    #: objects are that near
-    again_nats: float = 3.0
-    again_half_sizes: float = 8.0
-    max_blobs: int = 128  #: greatest number of blobs, for pictures full of the ball's colour
-    #: margin of the ball's colour from white, standard deviations of the noise, because dark grey has any hue in noise
-    white_noise_stds: float = 0.5
-    #: position between white and the ball's colour at which it begins for clipped pixels: an overexposed ball is nearly
-    #: white
-    clipped_ratio: float = 0.15
-    #: margin of the ball's colour from the floor's, standard deviations of the noise
-    floor_stds: float = 3.5
-    min_level: float = 0.6  #: brightness of the ball's shaded side, sum of its channels, relative to the lit floor
-    min_signal: float = 4.0  #: least difference of a blob from the floor, standard deviations
-    #: mean log-likelihood ratio of a near floor that is all carpet; standard deviation of its decrease by robots and
-    #: walls; nats for a frame with such a floor
-    floor_nats: float = 3.0
-    floor_std: float = 0.7
-    max_floor: float = 1.0
-    #: scale, a logarithm, by which carpet is greener than grey and than the frame's white; cost of each unit less
-    green_scale: float = 0.025
-    green_nats: float = 2.0
-    center_std_px: float = 0.3  #: standard deviation of the blob's centre
-    #: an upright object continues above or below a blob if the colour there differs from both sides by this number of
-    #: levels plus this multiple of its own spread; nats for each such side
-    min_upright_step: float = 15.0
-    upright_spreads: float = 2.0
-    upright_nats: float = -2.5
-
-
-def ball_colors(
-    colors: Colors, settings: ColoredBallSettings, white_ratios: tuple[float, ...]
-) -> tuple[kernel.BallColor, ...]:
+def ball_colors(colors: Colors, white_ratios: tuple[float, ...]) -> tuple[kernel.BallColor, ...]:
     """Return the ball's colour for several positions between white and it at which it begins, without duplicates."""
-    found = [_ball_color(colors, settings, ratio) for ratio in white_ratios]
+    found = [_ball_color(colors, ratio) for ratio in white_ratios]
     return tuple(one for n, one in enumerate(found) if n == 0 or one.plane_ratio < found[n - 1].plane_ratio)
 
 
-def _ball_color(colors: Colors, settings: ColoredBallSettings, min_ratio: float) -> kernel.BallColor:
+def _ball_color(colors: Colors, min_ratio: float) -> kernel.BallColor:
     """Return the planes between the ball's colour and white and floor, and the least brightness and signal."""
     ball, floor, white = (_direction(color) for color in (colors.ball, colors.floor.lit, colors.line))
     raw_noise = _RAW_NOISE * colors.floor.noise
     # a small ball is mixed with floor everywhere, so the plane is as near to the floor's colour as noise allows
     floor_counts = 4 * colors.floor.level / float(floor @ [1.0, 2.0, 1.0])
     apart = math.acos(min(1.0, float(ball @ floor)))
-    noise_ratio = settings.floor_stds * raw_noise / floor_counts / max(apart, 1e-3)
+    noise_ratio = _FLOOR_STDS * raw_noise / floor_counts / max(apart, 1e-3)
     ratio = min(0.5, max(1 / 3, noise_ratio))
     from_floor = _plane(ball, floor, ratio)
     white_ratio = min(0.5, max(min_ratio, noise_ratio))
-    min_level = settings.min_level * colors.floor.level
+    min_level = _MIN_LEVEL * colors.floor.level
     on_dark_ball = min_level * float(np.dot(from_floor, ball) / ball.sum())
     beside_white = np.log(ball / white)
     weak, middle, _ = (int(channel) for channel in np.argsort(beside_white, kind="stable"))
-    fall = settings.clipped_ratio * float(beside_white[weak] - beside_white[middle])
+    fall = _CLIPPED_RATIO * float(beside_white[weak] - beside_white[middle])
     return kernel.BallColor(
         from_white=_plane(ball, white, white_ratio),
         from_floor=from_floor,
         half_white=_plane(ball, white, 0.5),
         plane_ratio=white_ratio,
         apart_rad=max(math.acos(min(1.0, float(ball @ white))), 1e-3),
-        min_hue=settings.white_noise_stds * raw_noise,
+        min_hue=_WHITE_NOISE_STDS * raw_noise,
         weak=weak,
         middle=middle,
         clipped_ratio=float(white[weak] / white[middle]) * math.exp(fall),
         min_level=min_level,
         sure=on_dark_ball,
-        min_signal=settings.min_signal * raw_noise,
+        min_signal=_MIN_SIGNAL * raw_noise,
     )
 
 
@@ -120,22 +107,22 @@ def with_swapped_ball(colors: Colors) -> Colors | None:
     return replace(colors, ball=PaintColor(red, blue))
 
 
-def floor_evidence(near_floor_nats: float, green_nats: float, settings: ColoredBallSettings) -> float:
+def floor_evidence(near_floor_nats: float, green_nats: float) -> float:
     """Return the log-likelihood ratio of the frame's floor to anything else: carpet all around, and green.
 
     `green_nats` is the result of `green_evidence`.
     """
-    missing = max(settings.floor_nats - near_floor_nats, 0.0) / settings.floor_std
-    return settings.max_floor - 0.5 * missing * missing + green_nats
+    missing = max(_FLOOR_NATS - near_floor_nats, 0.0) / _FLOOR_STD
+    return MAX_FLOOR - 0.5 * missing * missing + green_nats
 
 
-def green_evidence(colors: Colors, settings: ColoredBallSettings) -> float:
+def green_evidence(colors: Colors) -> float:
     """Return the log-likelihood ratio of carpet to anything else by the greenness of the floor's colour: at most 0."""
     floor, white = colors.floor.lit, colors.line
     # carpet is greener than white under any light, and than grey, because the assumed white may be paint
     ratios = (floor.red_ratio, floor.blue_ratio, floor.red_ratio / white.red_ratio, floor.blue_ratio / white.blue_ratio)
     green = -math.log(max(ratios))
-    return -settings.green_nats * math.log1p(math.exp(min(-green / settings.green_scale, _MAX_EXPONENT)))
+    return -_GREEN_NATS * math.log1p(math.exp(min(-green / _GREEN_SCALE, _MAX_EXPONENT)))
 
 
 def _direction(color: PaintColor) -> FloatArray:
@@ -166,14 +153,7 @@ class ColoredLook:
         Non-zero pixels are never visited.
     """
 
-    def __init__(
-        self,
-        field: Field,
-        size_px: tuple[int, int],
-        mask: UInt8Array | None = None,
-        settings: ColoredBallSettings = ColoredBallSettings(),
-    ) -> None:
-        self.settings = settings
+    def __init__(self, field: Field, size_px: tuple[int, int], mask: UInt8Array | None = None) -> None:
         self._has_color = field.ball_color not in ("white", "black")
         width, height = size_px
         # pixels visited in a frame
@@ -183,14 +163,13 @@ class ColoredLook:
         self._scratch = plain(kernel.Scratch(self._stamps, np.empty(height * width, np.int32), np.empty((2, 6))))
         self._stamp = 0
         self._last_px: list[tuple[float, float, float]] = []
-        self._evidence = plain(settings.evidence)
         self._table: ColorTable | None = None
         self._colors: tuple[kernel.BallColor, ...] = ()
         self._swapped_colors: tuple[kernel.BallColor, ...] | None = None
         self._greenness = 0.0
         self._floor_table = kernel.FloorTable(np.empty((3, 256), dtype=np.uint16), np.empty(0, dtype=np.int8))
-        self._blobs = np.empty((settings.max_blobs, kernel.COLUMNS))
-        self._ratios = np.empty(settings.max_blobs)
+        self._blobs = np.empty((_MAX_BLOBS, kernel.COLUMNS))
+        self._ratios = np.empty(_MAX_BLOBS)
 
     def sightings(self, seen: BallFrame) -> tuple[list[Sighting], BallProjection | None]:
         """See `BallLook.sightings`."""
@@ -219,11 +198,11 @@ class ColoredLook:
             self._table = table
             self._colors = self._colors_of(table.colors, projection)
             self._swapped_colors = None
-            self._greenness = green_evidence(table.colors, self.settings)
+            self._greenness = green_evidence(table.colors)
             self._floor_table = plain(kernel.FloorTable(table.packing, table.floor_llr))
 
     def _colors_of(self, colors: Colors, projection: BallProjection) -> tuple[kernel.BallColor, ...]:
-        return tuple(plain(color) for color in ball_colors(colors, self.settings, projection.white_ratios))
+        return tuple(plain(color) for color in ball_colors(colors, projection.white_ratios))
 
     def _search(
         self,
@@ -247,22 +226,21 @@ class ColoredLook:
         places: list[tuple[float, float, float]] = []
         if not count:
             return [], places
-        of_floor = floor_evidence(seen.near_floor_nats, self._greenness, self.settings)
+        of_floor = floor_evidence(seen.near_floor_nats, self._greenness)
         ratios = [ratio + of_floor for ratio in self._ratios[:count].tolist()]
         blobs = self._blobs[:count].tolist()
         found: list[Sighting] = []
         for n in sorted(range(count), key=lambda n: -ratios[n]):
-            needed = self.settings.min_log_likelihood_ratio
-            if ratios[n] < needed - self.settings.again_nats:
+            needed = _MIN_LOG_LIKELIHOOD_RATIO
+            if ratios[n] < needed - _AGAIN_NATS:
                 break
             u, v, along, across, _, cut = blobs[n]
             half_px = math.sqrt(along * across)
             if any(math.hypot(u - other_u, v - other_v) < max(half_px, other) for other_u, other_v, other in places):
                 # the same ball by another colour threshold
                 continue
-            again = self.settings.again_half_sizes
-            if any(math.hypot(u - last_u, v - last_v) <= again * last for last_u, last_v, last in before):
-                needed -= self.settings.again_nats
+            if any(math.hypot(u - last_u, v - last_v) <= _AGAIN_HALF_SIZES * last for last_u, last_v, last in before):
+                needed -= _AGAIN_NATS
             if cut and ratios[n] >= needed:
                 ratios[n] += self._cut_evidence(sizes, blobs[n])
             if ratios[n] >= needed:
@@ -287,7 +265,6 @@ class ColoredLook:
             color,
             sizes.table,
             self._floor_table,
-            self._evidence,
             self._blobs[first:],
             self._ratios[first:],
         )
@@ -298,7 +275,7 @@ class ColoredLook:
         visible_ratio = 1.0
         if sizes.are_cut(u, v):
             u, v, visible_ratio, *_ = fit_cut_ball(u, v, *sizes.camera.size_px, sizes.table)
-        return Sighting(u, v, self.settings.center_std_px / visible_ratio, nats)
+        return Sighting(u, v, _CENTER_STD_PX / visible_ratio, nats)
 
     def _cut_evidence(self, sizes: BallSizes, blob: list[float]) -> float:
         """Return the log-likelihood ratio that a blob at the picture's edge is the visible part of a ball, nats."""
@@ -310,13 +287,12 @@ class ColoredLook:
         along, across = sizes.at(u, v)
         area = math.pi * along * across * visible_ratio
         measured = (blob[kernel.ALONG], blob[kernel.ACROSS], math.sqrt(blob[kernel.TOTAL]))
-        evidence = self.settings.evidence
         nats = 0.0
         for one, expected in zip(measured, (*shown, math.sqrt(max(area, 1.0))), strict=True):
             std = math.hypot(sizes.shape_std, 1.0 / max(expected, 1.0))
             off = math.log(max(one, 0.5) / max(expected, 0.5)) / std
             density = math.exp(-0.5 * off * off) / (std * math.sqrt(math.tau))
-            nats += math.log((1 - evidence.outlier_ratio) * density * evidence.shape_span + evidence.outlier_ratio)
+            nats += math.log((1 - OUTLIER_RATIO) * density * SHAPE_SPAN + OUTLIER_RATIO)
         return nats
 
     def _upright_evidence(self, frame: UInt8Array, sizes: BallSizes, blob: list[float]) -> float:
@@ -325,13 +301,12 @@ class ColoredLook:
         A band of a beacon or post has another band above or below, of the same width, in one colour that differs from
         both sides. A ball has floor at its foot; a line towards it is narrower, and one across it is wider.
         """
-        settings, middle = self.settings, (blob[kernel.U], blob[kernel.V])
+        middle = blob[kernel.U], blob[kernel.V]
         up_u, up_v = middle[0] - sizes.axis_px[0], middle[1] - sizes.axis_px[1]
         length = math.hypot(up_u, up_v)
         # glare and shade may hide a part of the ball, so the continuation is tested beyond its whole size
         along, across = sizes.at(*middle)
         halves = max(blob[kernel.ALONG], along), max(blob[kernel.ACROSS], across)
-        step, spreads = settings.min_upright_step, settings.upright_spreads
         up = up_u / length, up_v / length
-        count = count_upright(frame, middle, halves, up, self._floor_table, step, spreads)
-        return int(count) * settings.upright_nats
+        count = count_upright(frame, middle, halves, up, self._floor_table)
+        return int(count) * _UPRIGHT_NATS

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -18,20 +17,14 @@ from robocup_vision.perception.balls.sizes import BallSizes
 
 # greatest number of places to search again
 _MAX_EXPECTED = 8
-
-
-@dataclass(frozen=True, slots=True)
-class LearnedBallSettings:
-    """Settings of the search by the network."""
-
-    #: least log-likelihood ratio of a ball
-    min_nats: float = 2.0
-    again_nats: float = 1.0  #: reduction of the threshold near a ball that was seen: balls stay
-    #: period in which the whole frame is searched once, a part in each look, and time for which the surroundings of
-    #: sightings are searched: short enough for a ball that comes into view. Frames without a time, or farther apart,
-    #: are searched completely.
-    sweep_s: float = 0.4
-    place_std: float = 0.15  #: standard deviation of a ball's centre, in radii
+# least log-likelihood ratio of a ball, and its reduction near a ball that was seen, because balls stay
+MIN_NATS, _AGAIN_NATS = 2.0, 1.0
+# period in which the whole frame is searched once, a part in each look, and time for which the surroundings of
+# sightings are searched: short enough for a ball that comes into view. Frames without a time, or farther apart, are
+# searched completely.
+SWEEP_S = 0.4
+# standard deviation of a ball's centre, in radii
+_PLACE_STD = 0.15
 
 
 class _Expected(NamedTuple):
@@ -51,8 +44,7 @@ class LearnedLook:
         Non-zero pixels are never used.
     """
 
-    def __init__(self, mask: UInt8Array | None = None, settings: LearnedBallSettings = LearnedBallSettings()) -> None:
-        self.settings = settings
+    def __init__(self, mask: UInt8Array | None = None) -> None:
         self._mask = mask
         self._network = BallNetwork()
         self._places: WeakKeyDictionary[BallSizes, BallPlaces] = WeakKeyDictionary()
@@ -72,15 +64,14 @@ class LearnedLook:
         balls = self._look(seen.frame, self._places_of(seen.projection.sizes), self._part_of_work(seen.t_s))
         is_ball = [self._is_ball(one) for one in balls]
         self._expect(balls, is_ball, seen.t_s)
-        std = self.settings.place_std
         reported = [one for one, is_reported in zip(balls, is_ball, strict=True) if is_reported]
-        return [Sighting(one.u_px, one.v_px, std * one.radius_px, one.nats) for one in reported], seen.projection
+        return [Sighting(one.u_px, one.v_px, _PLACE_STD * one.radius_px, one.nats) for one in reported], seen.projection
 
     def _part_of_work(self, t_s: float | None) -> float:
         """Return the fraction of the whole frame to search at this time."""
         since_s = math.inf if t_s is None or self._looked_s is None else t_s - self._looked_s
         self._looked_s = t_s
-        return since_s / self.settings.sweep_s if 0.0 < since_s < self.settings.sweep_s else 1.0
+        return since_s / SWEEP_S if 0.0 < since_s < SWEEP_S else 1.0
 
     def _look(self, frame: UInt8Array, places: BallPlaces, part: float) -> list[BallSpot]:
         """Search the whole frame, or its next part and the places where balls are expected.
@@ -94,13 +85,13 @@ class LearnedLook:
             begin, end = self._swept, self._swept + part
             self._swept = end - 1.0 if end >= 1.0 else end
             strips = None if strips is None else strips.some(begin, end, [one.seen for one in self._expected])
-        min_nats = self.settings.min_nats - self.settings.again_nats
+        min_nats = MIN_NATS - _AGAIN_NATS
         return [] if strips is None else self._network.look(frame, strips, min_nats)
 
     def _is_ball(self, one: BallSpot) -> bool:
         """Whether a sighting is reported as a ball: certain by itself, or near a previous ball."""
         place = np.array(one)
-        return one.nats >= self.settings.min_nats or any(
+        return one.nats >= MIN_NATS or any(
             bool(is_near(place, other.seen)) for other in self._expected if other.is_ball
         )
 
@@ -109,11 +100,7 @@ class LearnedLook:
         if t_s is None:
             return
         places = np.array(seen).reshape(-1, 4)
-        old = [
-            one
-            for one in self._expected
-            if t_s - one.seen_s < self.settings.sweep_s and not is_near(places, one.seen).any()
-        ]
+        old = [one for one in self._expected if t_s - one.seen_s < SWEEP_S and not is_near(places, one.seen).any()]
         new = [_Expected(one, t_s, ball) for one, ball in zip(seen, is_ball, strict=True)]
         self._expected = [*new, *old][:_MAX_EXPECTED]
 

@@ -15,65 +15,42 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
-from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import patterned as kernel
 from robocup_vision.kernels.balls import patterned_carpet
 from robocup_vision.perception.balls.ball import Sighting, lie_apart
 from robocup_vision.perception.balls.look import BallFrame
 from robocup_vision.perception.balls.projection import BallProjection, PinholeBallProjection
+from robocup_vision.perception.balls.sizes import MEASURED_RADIUS_STD
 
-_TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
-_DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
-_LOGS = np.log(np.arange(256) + patterned_carpet.NOISE_COUNTS)
-
-
-@dataclass(frozen=True, slots=True)
-class PatternedBallSettings:
-    """Settings of the search for patterned balls."""
-
-    #: radii to search, and the ratio of successive sizes: half a step is within the blur
-    min_radius_px: float = 5.0
-    max_radius_px: float = 50.0
-    radius_step: float = 1.12
-    #: sampling of rims
-    search: kernel.DiscSearch = kernel.DiscSearch(0.82, 1.12, 1.5, 0.25, 0.8, 0.5, 0.7, 0.55, 0.04)
-    #: greatest hue and least greenness (see the kernel) of a carpet pixel in the lower half
-    carpet_hue: float = -0.12
-    min_green: float = 0.1
-    #: greatest interquartile range of the carpet's hue, because carpet is of one material, unlike leaves of many plants
-    max_hue_range: float = 0.4
-    #: least brightness of carpet in the deepest shadow relative to its median; less is black
-    min_carpet_level: float = 0.3
-    min_carpet_ratio: float = 0.5
-    #: greatest numbers of discs that are found, and that are weighed
-    max_discs: int = 20000
-    max_kept: int = 80
-    #: ratio of directions at a rim that are ball inside and carpet outside, at a ball and elsewhere; number of
-    #: independent directions of a whole rim
-    rim_ratio: float = 0.85
-    chance_rim_ratio: float = 0.45
-    rim_signs: float = 6.0
-    #: dark ratio of a disc: mean and standard deviation at a ball, whose patches cover 28 % and fade with distance;
-    #: mean elsewhere, and the ratio of other discs that have any
-    dark_ratio: float = 0.24
-    dark_std: float = 0.09
-    chance_dark_ratio: float = 0.06
-    chance_any: float = 0.1
-    #: ratio of places two and three radii away that are carpet, at a ball and elsewhere; number of independent ones
-    around_ratio: float = 0.88
-    chance_around_ratio: float = 0.6
-    around_signs: float = 8.0
-    #: greatest number of independent ones of either for each pixel of the radius, because blur correlates neighbours
-    signs_per_px: float = 0.7
-    #: bounds of the white's brightness relative to the carpet at the rim: more is a lamp or in front of the dark
-    min_white: float = 1.0
-    max_white: float = 2.6
-    #: relative standard deviation of a measured radius; span of the tilts that other discs would imply
-    radius_std: float = 0.12
-    tilt_span_rad: float = 0.5
-    outlier_ratio: float = 0.05  #: ratio of balls whose size is an outlier: half hidden, or half in the dark
-    min_log_likelihood_ratio: float = 4.0  #: least log-likelihood ratio of a ball
-    place_std: float = 0.1  #: standard deviation of a disc's centre, in radii
+# radii to search, pixels, and the ratio of successive sizes: half a step is within the blur
+_MIN_RADIUS_PX, _MAX_RADIUS_PX, _RADIUS_STEP = 5.0, 50.0, 1.12
+# greatest interquartile range of the carpet's hue, because carpet is of one material, unlike leaves of many plants
+_MAX_HUE_RANGE = 0.4
+# least brightness of carpet in the deepest shadow relative to its median: less is black; least ratio of carpet in the
+# lower half
+_MIN_CARPET_LEVEL, _MIN_CARPET_RATIO = 0.3, 0.5
+# greatest numbers of discs that are found, and that are weighed
+_MAX_DISCS, _MAX_KEPT = 20000, 80
+# ratio of directions at a rim that are ball inside and carpet outside, at a ball and elsewhere; number of independent
+# directions of a whole rim
+_RIM_RATIO, _CHANCE_RIM_RATIO, _RIM_SIGNS = 0.85, 0.45, 6.0
+# dark ratio of a disc: mean and standard deviation at a ball, whose patches cover 28 % and fade with distance; mean
+# elsewhere, and the ratio of other discs that have any
+_DARK_RATIO, _DARK_STD, _CHANCE_DARK_RATIO, _CHANCE_ANY = 0.24, 0.09, 0.06, 0.1
+# ratio of places two and three radii away that are carpet, at a ball and elsewhere; number of independent ones
+_AROUND_RATIO, _CHANCE_AROUND_RATIO, _AROUND_SIGNS = 0.88, 0.6, 8.0
+# greatest number of independent ones of either for each pixel of the radius, because blur correlates neighbours
+_SIGNS_PER_PX = 0.7
+# bounds of the white's brightness relative to the carpet at the rim: more is a lamp or in front of the dark
+_MIN_WHITE, _MAX_WHITE = 1.0, 2.6
+# span of the tilts that other discs would imply
+_TILT_SPAN_RAD = 0.5
+# ratio of balls whose size is an outlier: half hidden, or half in the dark
+_OUTLIER_RATIO = 0.05
+# least log-likelihood ratio of a ball
+_MIN_LOG_LIKELIHOOD_RATIO = 4.0
+# standard deviation of a disc's centre, in radii
+_PLACE_STD = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,26 +78,18 @@ class PatternedLook:
         Non-zero pixels are never used.
     """
 
-    def __init__(
-        self,
-        radius_m: float,
-        camera: PinholeCamera,
-        mask: UInt8Array | None = None,
-        settings: PatternedBallSettings = PatternedBallSettings(),
-    ) -> None:
-        self.settings = settings
+    def __init__(self, radius_m: float, camera: PinholeCamera, mask: UInt8Array | None = None) -> None:
         self._radius_m = radius_m
         self._mask = mask
         width, height = camera.size_px
-        self._search = plain(settings.search)
-        count = math.log(settings.max_radius_px / settings.min_radius_px) / math.log(settings.radius_step)
-        self._radii_px = settings.min_radius_px * settings.radius_step ** np.arange(int(count) + 1, dtype=np.float64)
+        count = math.log(_MAX_RADIUS_PX / _MIN_RADIUS_PX) / math.log(_RADIUS_STEP)
+        self._radii_px = _MIN_RADIUS_PX * _RADIUS_STEP ** np.arange(int(count) + 1, dtype=np.float64)
         self._blurred = np.empty((height, width, 3), dtype=np.uint8)
         self._levels, self._kinds = np.empty((2, height, width), dtype=np.uint8)
         looked_at = -(-height // patterned_carpet.STRIDE) * -(-width // patterned_carpet.STRIDE)
         self._scratch = np.empty((4, looked_at + 1))
-        self._found = np.empty((settings.max_discs, kernel.COLUMNS))
-        self._kept = np.empty((settings.max_kept, kernel.COLUMNS))
+        self._found = np.empty((_MAX_DISCS, kernel.COLUMNS))
+        self._kept = np.empty((_MAX_KEPT, kernel.COLUMNS))
 
     def forget(self) -> None:
         """See `BallLook.forget`: there is no state."""
@@ -145,15 +114,15 @@ class PatternedLook:
         else:
             tilt = camera.tilt_rad
             ratios = [self._ratio(disc, tilt) for disc in discs]
-        apart, std = _apart(discs, ratios, self.settings.min_log_likelihood_ratio), self.settings.place_std
-        return [Sighting(disc.u_px, disc.v_px, std * disc.radius_px, ratio) for ratio, disc in apart], projection
+        apart = _apart(discs, ratios, _MIN_LOG_LIKELIHOOD_RATIO)
+        return [Sighting(one.u_px, one.v_px, _PLACE_STD * one.radius_px, ratio) for ratio, one in apart], projection
 
     def _voted_tilt(self, discs: list[_Disc]) -> tuple[float, float, bool] | None:
         """Return the most likely tilt, its standard deviation, and whether it is implied by one disc only.
 
         None if no disc may be a ball.
         """
-        needed = self.settings.min_log_likelihood_ratio
+        needed = _MIN_LOG_LIKELIHOOD_RATIO
         likely = [disc for disc in discs if disc.nats > 0]
         if not likely:
             return None
@@ -172,31 +141,27 @@ class PatternedLook:
     def _discs(
         self, frame: UInt8Array, camera: PinholeCamera, projection: BallProjection | None, tilt_std_rad: float
     ) -> list[_Disc]:
-        settings = self.settings
         row_radii, top = self._row_radii_px(projection)
         half = frame.shape[0] // 2
         first = min(top, half)
         blurred, levels = self._blurred, self._levels
         cv2.blur(frame[first:], (3, 3), dst=blurred[first:])
         ratio, quarter, hue, three_quarters, green, level = patterned_carpet.measure_carpet(
-            blurred, half, _LOGS, settings.carpet_hue, settings.min_green, self._scratch
+            blurred, half, self._scratch
         )
-        has_carpet = ratio >= settings.min_carpet_ratio and three_quarters - quarter <= settings.max_hue_range
+        has_carpet = ratio >= _MIN_CARPET_RATIO and three_quarters - quarter <= _MAX_HUE_RANGE
         if top == frame.shape[0] or not has_carpet:
             return []
         kinds = self._kinds
         # thresholds half-way from white to the carpet
-        patterned_carpet.classify(
-            blurred, top, 0.5 * hue, 0.5 * green, settings.min_carpet_level * level, levels, kinds
-        )
+        patterned_carpet.classify(blurred, top, 0.5 * hue, 0.5 * green, _MIN_CARPET_LEVEL * level, levels, kinds)
         if self._mask is not None:
             kinds[self._mask > 0] = patterned_carpet.COLORED
-        search = self._search
-        found = self._found[: kernel.find_discs(kinds, _DIRECTIONS, self._radii_px, row_radii, search, self._found)]
-        count = kernel.best_discs(kinds, levels, _DIRECTIONS, search, found, self._kept)
+        found = self._found[: kernel.find_discs(kinds, self._radii_px, row_radii, self._found)]
+        count = kernel.best_discs(kinds, levels, found, self._kept)
         kept = self._kept[:count]
         # fitting may have reduced a disc below the least size
-        kept = kept[kept[:, kernel.RADIUS] >= settings.min_radius_px]
+        kept = kept[kept[:, kernel.RADIUS] >= _MIN_RADIUS_PX]
         if not len(kept):
             return []
         rays = (
@@ -215,9 +180,9 @@ class PatternedLook:
         height = len(self._kinds)
         if projection is None:
             return np.tile((0.0, math.inf), (height, 1)), 0
-        bounds = projection.sizes.row_radii_px(self.settings.radius_std)
+        bounds = projection.sizes.row_radii_px
         reach = np.arange(height) - patterned_carpet.BEYOND * bounds[:, 1]
-        reached = reach[bounds[:, 1] >= self.settings.min_radius_px]
+        reached = reach[bounds[:, 1] >= _MIN_RADIUS_PX]
         # clipped at the frame's upper border
         return bounds, int(max(reached.min(initial=height), 0.0))
 
@@ -225,36 +190,28 @@ class PatternedLook:
         self, row: list[float], ray: list[float], lens_scale: float, camera: PinholeCamera, tilt_std_rad: float
     ) -> _Disc:
         """Return a disc with its log-likelihood ratio; `ray` is in the camera frame without roll."""
-        settings = self.settings
         u, v, radius, rim, _, white, dark, carpet, around, shown = row
-        nats = (
-            shown
-            * min(settings.rim_signs, settings.signs_per_px * radius)
-            * _sign_nats(rim, settings.rim_ratio, settings.chance_rim_ratio)
-        )
-        nats += min(settings.around_signs, settings.signs_per_px * radius) * _sign_nats(
-            around, settings.around_ratio, settings.chance_around_ratio
-        )
-        off = (dark - settings.dark_ratio) / settings.dark_std
-        at_ball = math.exp(-0.5 * off * off) / (settings.dark_std * math.sqrt(math.tau))
-        elsewhere = math.exp(-dark / settings.chance_dark_ratio) / settings.chance_dark_ratio
-        nats += math.log((at_ball + settings.outlier_ratio) / (elsewhere + settings.chance_any))
-        if not settings.min_white * carpet <= white <= settings.max_white * carpet:
-            nats -= settings.min_log_likelihood_ratio
+        nats = shown * min(_RIM_SIGNS, _SIGNS_PER_PX * radius) * _sign_nats(rim, _RIM_RATIO, _CHANCE_RIM_RATIO)
+        nats += min(_AROUND_SIGNS, _SIGNS_PER_PX * radius) * _sign_nats(around, _AROUND_RATIO, _CHANCE_AROUND_RATIO)
+        off = (dark - _DARK_RATIO) / _DARK_STD
+        at_ball = math.exp(-0.5 * off * off) / (_DARK_STD * math.sqrt(math.tau))
+        elsewhere = math.exp(-dark / _CHANCE_DARK_RATIO) / _CHANCE_DARK_RATIO
+        nats += math.log((at_ball + _OUTLIER_RATIO) / (elsewhere + _CHANCE_ANY))
+        if not _MIN_WHITE * carpet <= white <= _MAX_WHITE * carpet:
+            nats -= _MIN_LOG_LIKELIHOOD_RATIO
         # depression of the ray to the centre by the ball's size, and the tilt that gives the ray this depression
         half = radius / lens_scale * ray[0] / camera.focal_px[0]
         fall = min((camera.height_m - self._radius_m) / self._radius_m * math.sin(half), 0.99)
         reach = math.hypot(ray[0], ray[2])
         tilt = math.asin(max(-fall / reach, -1.0)) - math.atan2(ray[2], ray[0])
-        std = math.hypot(tilt_std_rad, settings.radius_std * fall / math.sqrt(1 - fall * fall))
+        std = math.hypot(tilt_std_rad, MEASURED_RADIUS_STD * fall / math.sqrt(1 - fall * fall))
         return _Disc(u, v, radius, nats, tilt, std)
 
     def _ratio(self, disc: _Disc, tilt_rad: float) -> float:
         """Return the log-likelihood ratio of a disc, including its size, for a tilt of the camera."""
-        settings = self.settings
         off = (disc.tilt_rad - tilt_rad) / disc.tilt_std_rad
         density = math.exp(-0.5 * off * off) / (disc.tilt_std_rad * math.sqrt(math.tau))
-        likelihood = (1 - settings.outlier_ratio) * density * settings.tilt_span_rad + 0.1 * settings.outlier_ratio
+        likelihood = (1 - _OUTLIER_RATIO) * density * _TILT_SPAN_RAD + 0.1 * _OUTLIER_RATIO
         return disc.nats + math.log(likelihood)
 
 

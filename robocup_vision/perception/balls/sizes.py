@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,8 @@ from robocup_vision.kernels.balls.blobs import BallSize
 _MIN_HALF_PX, _MIN_HALF_RATIO = 2.0, 1.0 / 86.0
 # standard deviation of the logarithms of size and slenderness, due to shade and glare
 _SHAPE_STD = 0.15
+# standard deviation of a measured radius, relative
+MEASURED_RADIUS_STD = 0.12
 # bounds of a ball's radius in a row, standard deviations; rows between computed bounds
 _SIGMAS, _ROWS = 3.0, 8
 
@@ -73,7 +75,6 @@ class BallSizes:
     height_std: float  #: relative standard deviation of the viewpoint's height
     sway_rad: float  #: standard deviation of the camera's tilt
     seed_pitch: float  #: distance between seeds, in half sizes of the ball
-    _row_radii_px: dict[float, FloatArray] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def shape_std(self) -> float:
@@ -102,21 +103,11 @@ class BallSizes:
         width, height = self.camera.size_px
         return not (reach <= u <= width - 1 - reach and reach <= v <= height - 1 - reach)
 
-    def row_radii_px(self, radius_std: float) -> FloatArray:
-        """Return the least and greatest radius (H, 2) of a ball with its centre in each row of a pinhole camera.
-
-        Parameters
-        ----------
-        radius_std : float
-            Standard deviation of a measured radius, relative.
-        """
-        if radius_std not in self._row_radii_px:
-            self._row_radii_px[radius_std] = self._bounded_radii_px(radius_std)
-        return self._row_radii_px[radius_std]
-
-    def _bounded_radii_px(self, radius_std: float) -> FloatArray:
+    @cached_property
+    def row_radii_px(self) -> FloatArray:
+        """(H, 2) float64: least and greatest measured radius of a ball with its centre in each row, forward cameras."""
         small, middle, large = self._swayed_radii_px()
-        slack = _SIGMAS * radius_std * middle
+        slack = _SIGMAS * MEASURED_RADIUS_STD * middle
         least = (middle - np.hypot(slack, middle - small)).min(axis=1)
         most = (middle + np.hypot(slack, large - middle)).max(axis=1)
         # bounds of the rows between are those of both neighbours

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from robocup_vision.geometry import Pose2
-from robocup_vision.perception.balls.colored import ColoredBallSettings, ColoredLook
+from robocup_vision.perception.balls import colored
 from robocup_vision.perception.balls.finder import BallFinder
 from robocup_vision.perception.balls.look import BallFrame
 from robocup_vision.perception.color_table import build_color_table, learn_colors
@@ -146,7 +146,7 @@ def test_a_camera_without_a_height_still_finds_it(ssl_field, paper_camera):
     assert np.linalg.det(ball.covariance) > np.linalg.det(known.covariance)
 
 
-def test_a_doubtful_ball_is_found_only_near_where_one_was(ssl_field, paper_camera):
+def test_a_doubtful_ball_is_found_only_near_where_one_was(ssl_field, paper_camera, monkeypatch):
     view = PolarView(paper_camera)
     bare = frame_with(paper_camera, ssl_field)
     table = build_color_table(learn_colors(cv2.blur(view.sample(bare), (3, 3)), view.valid, ssl_field))
@@ -165,8 +165,8 @@ def test_a_doubtful_ball_is_found_only_near_where_one_was(ssl_field, paper_camer
     doubtful = max(nats(frame, doubtful_floor) for frame in (near, far))
     needed = (doubtful + nats(start, sure_floor)) / 2
     assert needed > doubtful
-    look = ColoredLook(ssl_field, paper_camera.size_px, settings=ColoredBallSettings(min_log_likelihood_ratio=needed))
-    finder = BallFinder(ssl_field, paper_camera, look=look)
+    monkeypatch.setattr(colored, "_MIN_LOG_LIKELIHOOD_RATIO", needed)
+    finder = BallFinder(ssl_field, paper_camera)
     assert not found(finder, near, doubtful_floor)
     for frame, is_found in ((near, True), (far, False)):
         finder.forget()

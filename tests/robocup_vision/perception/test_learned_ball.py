@@ -11,7 +11,7 @@ from ball_patches import is_patch
 from field_models import load_field
 from robocup_vision.camera import FisheyeCamera, PinholeCamera
 from robocup_vision.perception.balls.finder import BallFinder
-from robocup_vision.perception.balls.learned import LearnedBallSettings, LearnedLook
+from robocup_vision.perception.balls.learned import MIN_NATS, SWEEP_S, LearnedLook
 from robocup_vision.perception.balls.look import BallFrame
 from robocup_vision.perception.balls.network import BallPlaces
 from robocup_vision.perception.balls.projection import PinholeBallProjection
@@ -57,7 +57,7 @@ def test_a_ball_is_found_and_placed_within_what_it_owns_to(finder, place, color,
     off = np.array([ball.x_m, ball.y_m]) - place
     assert off @ np.linalg.solve(ball.covariance, off) < 16
     assert math.hypot(*off) < 0.08 * math.hypot(*place)
-    assert ball.log_likelihood_ratio >= LearnedBallSettings().min_nats
+    assert ball.log_likelihood_ratio >= MIN_NATS
 
 
 def test_a_narrow_lens_is_looked_through_as_well():
@@ -110,7 +110,7 @@ def test_a_ball_that_the_pictures_rim_cuts_is_found(finder):
 
 
 def test_a_ball_is_seen_in_every_look_of_a_video_and_soon_after_a_jump(finder):
-    period_s, sweep_s = 1 / 30, LearnedBallSettings().sweep_s
+    period_s, sweep_s = 1 / 30, SWEEP_S
     for look, place in enumerate(((1.0, 0.0), (1.0, 0.05), (1.02, 0.1))):
         (ball,) = finder.find(BallFrame(picture([place], YELLOW, YELLOW), HELD, t_s=look * period_s))
         assert math.dist((ball.x_m, ball.y_m), place) < 0.1
@@ -130,7 +130,7 @@ def test_a_ball_that_comes_into_view_is_told_within_a_sweep(finder, place, first
     period_s = 0.05
     for look in range(round(first_s / period_s) + 1):
         assert finder.find(BallFrame(empty, HELD, t_s=look * period_s)) == ()
-    looks = math.ceil(LearnedBallSettings().sweep_s / period_s)
+    looks = math.ceil(SWEEP_S / period_s)
     told = [finder.find(BallFrame(shown, HELD, t_s=first_s + (1 + look) * period_s)) for look in range(looks)]
     assert told[-1]
     assert told == sorted(told, key=len)

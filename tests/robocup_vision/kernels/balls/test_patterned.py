@@ -5,16 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from robocup_vision.compiling.loops import plain
 from robocup_vision.kernels.balls import patterned as kernel
 from robocup_vision.kernels.balls.patterned_carpet import CARPET, NEUTRAL
 
 HEIGHT, WIDTH = 48, 64
-TURNS = np.arange(kernel.DIRECTIONS) * math.tau / kernel.DIRECTIONS
-DIRECTIONS = np.column_stack([np.cos(TURNS), np.sin(TURNS)])
 ANY = np.tile((0.0, np.inf), (HEIGHT, 1))
-SEARCH = kernel.DiscSearch(0.82, 1.12, 1.5, 0.25, 0.8, 0.5, 0.7, 0.55, 0.04)
-PLAIN = plain(SEARCH)
 
 
 def ball(kinds, level, u0, v0, radius):
@@ -29,7 +24,7 @@ def test_a_rim_that_is_blurred_by_a_pixel_parts_ball_from_carpet():
     kinds = np.zeros((HEIGHT, WIDTH), np.uint8)
     v, u = np.mgrid[:HEIGHT, :WIDTH]
     kinds[np.hypot(u - 30, v - 22) < 10.4] = NEUTRAL
-    agree, shown, inside = kernel.measure_disc(kinds, DIRECTIONS, 30.0, 22.0, 9.0, SEARCH)
+    agree, shown, inside = kernel.measure_disc(kinds, 30.0, 22.0, 9.0)
     assert agree == shown == kernel.DIRECTIONS
     assert inside == 1.0
 
@@ -39,8 +34,8 @@ def test_a_ball_whose_underside_is_as_green_as_the_carpet_keeps_its_place_and_si
     ball(kinds, level, 30, 22, 9)
     kinds[22 + 6 :] = CARPET
     found, out = np.empty((5000, kernel.COLUMNS)), np.empty((10, kernel.COLUMNS))
-    count = kernel.find_discs(kinds, DIRECTIONS, np.array([6.0, 7.2, 8.6, 10.4]), ANY, PLAIN, found)
-    assert kernel.best_discs(kinds, level, DIRECTIONS, PLAIN, found[:count], out) >= 1
+    count = kernel.find_discs(kinds, np.array([6.0, 7.2, 8.6, 10.4]), ANY, found)
+    assert kernel.best_discs(kinds, level, found[:count], out) >= 1
     row = out[0]
     assert math.hypot(row[kernel.U] - 30, row[kernel.V] - 22) < 2
     assert row[kernel.RADIUS] == pytest.approx(9, rel=0.15)
@@ -56,7 +51,7 @@ def test_a_disc_of_another_size_is_kept_beside_a_better_one_at_its_place():
     found, out = np.zeros((3, kernel.COLUMNS)), np.empty((10, kernel.COLUMNS))
     found[:, kernel.U], found[:, kernel.V], found[:, kernel.RADIUS] = 30, (19, 22, 22), (10.5, 7.0, 7.8)
     found[:, kernel.AGREE], found[:, kernel.INSIDE] = (0.95, 0.9, 0.85), 1.0
-    kept = out[: kernel.best_discs(kinds, level, DIRECTIONS, PLAIN, found, out)]
+    kept = out[: kernel.best_discs(kinds, level, found, out)]
     assert len(kept) == 2
     assert math.hypot(kept[1, kernel.U] - 30, kept[1, kernel.V] - 22) < 2
     assert kept[1, kernel.RADIUS] == pytest.approx(7, rel=0.15)
