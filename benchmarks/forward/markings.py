@@ -124,7 +124,7 @@ def _is_behind(places_m: FloatArray, eye_m: FloatArray, robot_m: FloatArray, rad
 
 def marked_frames(world: MarkingWorld, seed: int, count: int) -> Iterator[MarkedFrame]:
     """Yield pictures from places all over a field, the camera held as well as its file says."""
-    field, features = world.field, FieldFeatures(world.field, 3.0)
+    field, features = world.field, FieldFeatures(world.field)
     mirror = MirrorRenderer(world.camera) if isinstance(world.camera, OmniCamera) else None
     half = np.array([field.length_m, field.width_m]) / 2
     for index in range(count):
@@ -326,7 +326,7 @@ KINDS = ("segment", "crossing", "circle", "post", "mark")
 def measure(world: MarkingWorld, shots: Sequence[MarkedFrame], seed: int) -> dict[str, dict[str, Tally]]:
     """Return the tallies of a world's pictures, alone and located, by kind."""
     pitch = world.field
-    features, finder = FieldFeatures(pitch, 3.0), MarkingFinder(pitch)
+    features, finder = FieldFeatures(pitch), MarkingFinder(pitch)
     vision = Vision(pitch, world.camera)
     told: dict[str, dict[str, Tally]] = {mode: {kind: Tally() for kind in KINDS} for mode in ("alone", "located")}
     rng = np.random.default_rng([seed, 0x77])

@@ -9,7 +9,6 @@ but not if a robot fills the view.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -26,38 +25,35 @@ from robocup_vision.perception.color_table import (
     follow_colors,
     learn_colors,
 )
-from robocup_vision.perception.floor_color import LEVEL_STEP, LEVELS, RING_COLUMNS, FloorColorSettings
+from robocup_vision.perception.floor_color import LEVEL_STEP, LEVELS, RING_COLUMNS
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import PolarView
 
 _DARKEST = float(LEVELS[0])
-
-
-@dataclass(frozen=True, slots=True)
-class ColorMemorySettings:
-    """Settings of `ColorMemory`."""
-
-    #: ratio of the nearest floor's mean likelihood ratio to that when learnt, below which something has changed
-    drift_ratio: float = 0.6
-    sure_nats: float = 1.0  #: log-likelihood ratio from which a sample is certainly floor
-    row_stride: int = 4  #: step in bearings of the measurement of light, which varies slowly between them
-    #: frames between measurements of light: it changes slowly, or so suddenly that the nearest floor is lost
-    look_every: int = 3
-    sunny_ratio: float = 0.9  #: quantile of the floor's brightness that measures its sunlit part
-    #: change of log brightness or of log hue at which colours are learnt again, less than a step of the model
-    max_level: float = 0.3
-    max_cast: float = 0.08
-    #: least ratio of the certain floor to that when learnt; with less the light is not determined
-    min_sure_ratio: float = 0.15
-    kept_sure_ratio: float = 0.9  #: least ratio of the certain floor that new colours must keep
-    same_color: float = 0.35  #: largest difference of log ratios between one floor under two lights
-    patience_frames: float = 15.0  #: frames without a measurement after which that difference may have doubled
-    #: new colours must increase the certain floor by this factor, or the nearest floor's likelihood by this ratio
-    more_sure: float = 1.1
-    better_ring: float = 0.2
-    lift: float = 0.5  #: log brightness by which a search for sunlit floor exceeds the known floor
-    retry_frames: int = 8  #: frames between attempts to learn while the nearest floor stays lost
-    floor: FloorColorSettings = FloorColorSettings()  #: settings of the floor's colour
+# ratio of the nearest floor's mean likelihood ratio to that when learnt, below which something has changed
+_DRIFT_RATIO = 0.6
+# log-likelihood ratio from which a sample is certainly floor
+_SURE_NATS = 1.0
+# step in bearings of the measurement of light, which varies slowly between them
+_ROW_STRIDE = 4
+# frames between measurements of light: it changes slowly, or so suddenly that the nearest floor is lost
+_LOOK_EVERY = 3
+# quantile of the floor's brightness that measures its sunlit part
+_SUNNY_RATIO = 0.9
+# change of log brightness or of log hue at which colours are learnt again, less than a step of the model
+_MAX_LEVEL, _MAX_CAST = 0.3, 0.08
+# least ratio of the certain floor to that when learnt: with less the light is not determined; and least ratio that new
+# colours must keep
+_MIN_SURE_RATIO, _KEPT_SURE_RATIO = 0.15, 0.9
+# largest difference of log ratios between one floor under two lights, and the number of frames without a measurement
+# after which it may have doubled
+_SAME_COLOR, _PATIENCE_FRAMES = 0.35, 15.0
+# new colours must increase the certain floor by this factor, or the nearest floor's likelihood by this ratio
+_MORE_SURE, _BETTER_RING = 1.1, 0.2
+# log brightness by which a search for sunlit floor exceeds the known floor
+_LIFT = 0.5
+# frames between attempts to learn while the nearest floor stays lost
+_RETRY_FRAMES = 8
 
 
 class _LightOnFloor(NamedTuple):
@@ -79,15 +75,8 @@ class ColorMemory:
         Logarithm of the strongest cast of light; a white with a stronger one is some paint.
     """
 
-    def __init__(
-        self,
-        field: Field,
-        fixed: Colors | None = None,
-        strongest_cast: float = math.inf,
-        settings: ColorMemorySettings = ColorMemorySettings(),
-    ) -> None:
+    def __init__(self, field: Field, fixed: Colors | None = None, strongest_cast: float = math.inf) -> None:
         self._field = field
-        self._settings = settings
         self._strongest_cast = strongest_cast
         self._fixed = None if fixed is None else build_color_table(fixed)
         self._table = self._fixed
@@ -129,7 +118,7 @@ class ColorMemory:
         """
         llr = np.empty(samples.shape[:2], dtype=np.int8)
         if self._table is None:
-            colors = learn_colors(samples, view.valid, self._field, self._strongest_cast, self._settings.floor)
+            colors = learn_colors(samples, view.valid, self._field, self._strongest_cast)
             if colors is not None:
                 self._adopt(build_color_table(colors), samples, view, llr)
             return self._table, llr
@@ -148,30 +137,30 @@ class ColorMemory:
         assert self._table is not None
         if self._fixed is not None:
             return self._table
-        is_hidden = ring < self._settings.drift_ratio * self._learnt_ring
+        is_hidden = ring < _DRIFT_RATIO * self._learnt_ring
         self._frames += 1
-        if not is_hidden and self._frames % self._settings.look_every:
+        if not is_hidden and self._frames % _LOOK_EVERY:
             self._hidden_frames = self._lost_frames = 0
             return self._table
         light = self._light(samples, llr)
-        is_readable = light.ratio > 0 and light.ratio >= self._settings.min_sure_ratio * self._learnt_light.ratio
+        is_readable = light.ratio > 0 and light.ratio >= _MIN_SURE_RATIO * self._learnt_light.ratio
         has_moved = is_readable and self._has_moved(light)
         # not in every frame, because a robot in front of the camera or the dark may last
         hidden, lost = self._hidden_frames, self._lost_frames
         self._hidden_frames = hidden + 1 if is_hidden else 0
         self._lost_frames = lost + 1 if is_hidden and not is_readable else 0
-        if has_moved or (is_hidden and is_readable and hidden % self._settings.retry_frames == 0):
+        if has_moved or (is_hidden and is_readable and hidden % _RETRY_FRAMES == 0):
             self._follow(samples, view, llr, light, ring)
-        elif is_hidden and not is_readable and lost % self._settings.retry_frames == 0:
+        elif is_hidden and not is_readable and lost % _RETRY_FRAMES == 0:
             self._learn_again(samples, view, llr, lost)
         return self._table
 
     def _has_moved(self, light: _LightOnFloor) -> bool:
         before = self._learnt_light
         return (
-            abs(light.level - before.level) > self._settings.max_level
-            or abs(light.cast[0] - before.cast[0]) > self._settings.max_cast
-            or abs(light.cast[1] - before.cast[1]) > self._settings.max_cast
+            abs(light.level - before.level) > _MAX_LEVEL
+            or abs(light.cast[0] - before.cast[0]) > _MAX_CAST
+            or abs(light.cast[1] - before.cast[1]) > _MAX_CAST
         )
 
     def _follow(
@@ -180,31 +169,19 @@ class ColorMemory:
         assert self._table is not None
         best, best_llr, ratio = self._table, llr, light.ratio
         # the nearest floor may be sunlit beyond the brightest known floor, and reached in two steps
-        lifts = (0.0,) if self._has_moved(light) else (self._settings.lift, 0.0)
+        lifts = (0.0,) if self._has_moved(light) else (_LIFT, 0.0)
         for lift in lifts:
-            is_floor = best_llr >= self._settings.sure_nats / LLR_PER_UNIT
-            colors = follow_colors(
-                samples,
-                view.valid,
-                is_floor,
-                best.colors,
-                self._field,
-                self._strongest_cast,
-                lift,
-                self._settings.floor,
-            )
+            is_floor = best_llr >= _SURE_NATS / LLR_PER_UNIT
+            colors = follow_colors(samples, view.valid, is_floor, best.colors, self._field, self._strongest_cast, lift)
             if colors is None:
                 break
             table, new_llr = build_color_table(colors), np.empty_like(llr)
             new_ring = _look_up(samples, view, table, new_llr)
             new_ratio = self._light(samples, new_llr).ratio
-            is_better = (
-                new_ratio > self._settings.more_sure * ratio
-                or new_ring > ring + self._settings.better_ring * self._learnt_ring
-            )
+            is_better = new_ratio > _MORE_SURE * ratio or new_ring > ring + _BETTER_RING * self._learnt_ring
             if not is_better and (best is not self._table or not self._has_moved(light)):
                 break
-            if new_ratio < self._settings.kept_sure_ratio * ratio:
+            if new_ratio < _KEPT_SURE_RATIO * ratio:
                 break
             best, best_llr, ratio, ring = table, new_llr, new_ratio, new_ring
         if best is not self._table:
@@ -212,10 +189,9 @@ class ColorMemory:
 
     def _learn_again(self, samples: UInt8Array, view: PolarView | FloorView, llr: Int8Array, turn: int) -> None:
         assert self._table is not None
-        colors = learn_colors(samples, view.valid, self._field, self._strongest_cast, self._settings.floor)
-        if colors is not None and _is_same_floor(
-            colors, self._table.colors, self._settings.same_color * (1 + turn / self._settings.patience_frames)
-        ):
+        colors = learn_colors(samples, view.valid, self._field, self._strongest_cast)
+        tolerance = _SAME_COLOR * (1 + turn / _PATIENCE_FRAMES)
+        if colors is not None and _is_same_floor(colors, self._table.colors, tolerance):
             self._adopt(build_color_table(colors), samples, view, llr)
 
     def _adopt(self, table: ColorTable, samples: UInt8Array, view: PolarView | FloorView, llr: Int8Array) -> None:
@@ -226,19 +202,18 @@ class ColorMemory:
         self._ratios = np.array([floor.red_ratio, floor.blue_ratio])
         self._table = table
         # a robot in front of the camera makes both values too small
-        self._learnt_ring = max(_look_up(samples, view, table, llr), self._settings.drift_ratio * self._learnt_ring)
+        self._learnt_ring = max(_look_up(samples, view, table, llr), _DRIFT_RATIO * self._learnt_ring)
         light = self._light(samples, llr)
         self._learnt_light = light._replace(ratio=max(light.ratio, self._learnt_light.ratio / 2))
 
     def _light(self, samples: UInt8Array, llr: Int8Array) -> _LightOnFloor:
-        settings = self._settings
-        sure = int(settings.sure_nats / LLR_PER_UNIT)
+        sure = int(_SURE_NATS / LLR_PER_UNIT)
         number, level, red, blue = floor_colors.light_on_floor(
-            samples, llr, sure, settings.row_stride, self._step_of_sum, self._ratios, settings.sunny_ratio
+            samples, llr, sure, _ROW_STRIDE, self._step_of_sum, self._ratios, _SUNNY_RATIO
         )
         if not number:
             return _LightOnFloor(0.0, 0.0, (0.0, 0.0))
-        return _LightOnFloor(number * settings.row_stride / llr.size, _DARKEST + level * LEVEL_STEP, (red, blue))
+        return _LightOnFloor(number * _ROW_STRIDE / llr.size, _DARKEST + level * LEVEL_STEP, (red, blue))
 
 
 def _look_up(samples: UInt8Array, view: PolarView | FloorView, table: ColorTable, llr: Int8Array) -> float:

@@ -29,7 +29,6 @@ from robocup_vision.kernels.goal.colors import GoalPalette
 from robocup_vision.perception.floor_color import (
     LEVELS,
     FloorColor,
-    FloorColorSettings,
     PaintColor,
     brightness_of,
     follow_floor_color,
@@ -111,7 +110,6 @@ def learn_colors(
     valid: UInt8Array,
     field: Field,
     strongest_cast: float = math.inf,
-    settings: FloorColorSettings = FloorColorSettings(),
 ) -> Colors | None:
     """Learn a frame's colours from its unrolled, slightly blurred samples.
 
@@ -131,7 +129,7 @@ def learn_colors(
     Colors or None
         None if it is too dark, or too little of the ring around the robot is in view.
     """
-    floor = learn_floor_color(samples, valid, settings)
+    floor = learn_floor_color(samples, valid)
     return None if floor is None else _colors_beside(floor, samples, valid, field, strongest_cast)
 
 
@@ -141,12 +139,11 @@ def follow_colors(
     is_floor: npt.NDArray[np.bool_],
     before: Colors,
     field: Field,
-    strongest_cast: float = math.inf,
-    lift: float = 0.0,
-    settings: FloorColorSettings = FloorColorSettings(),
+    strongest_cast: float,
+    lift: float,
 ) -> Colors | None:
     """Learn a frame's colours again from samples of known floor; see `follow_floor_color`, `learn_colors`."""
-    floor = follow_floor_color(samples, valid, is_floor, before.floor, lift, settings)
+    floor = follow_floor_color(samples, valid, is_floor, before.floor, lift)
     return None if floor is None else _colors_beside(floor, samples, valid, field, strongest_cast)
 
 

@@ -28,25 +28,19 @@ _CENTER = 7
 _MIN_RATIO = 0.01
 # log brightness that the steps reach at least
 _SUN = float(LEVELS[-2]) - 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class FloorColorSettings:
-    """Settings of the estimation of the floor's colour."""
-
-    #: weight of samples of the ring around the robot, which are most probably floor, relative to others
-    ring_weight: float = 2.0
-    #: greatest change of a ratio's logarithm from one brightness step to the next, and in total: a sky-lit shadow is
-    #: about 20 % bluer, and a highlight adds white until green is half-way to it
-    max_step_drift: float = 0.15
-    max_drift: float = 0.45
-    #: greatest total change towards grey in a shadow; with a larger one it is something black
-    max_grey_drift: float = 0.2
-    #: bounds of a ratio's relative standard deviation in addition to the noise
-    min_spread: float = 0.05
-    max_spread: float = 0.15
-    min_samples: int = 50  #: least number of samples that determine a colour
-    gate: float = 6.0  #: chi-square gate of a floor sample: 2 degrees of freedom, 95 %
+# weight of samples of the ring around the robot, which are most probably floor, relative to others
+_RING_WEIGHT = 2.0
+# greatest change of a ratio's logarithm from one brightness step to the next, and in total: a sky-lit shadow is about
+# 20 % bluer, and a highlight adds white until green is half-way to it
+_MAX_STEP_DRIFT, _MAX_DRIFT = 0.15, 0.45
+# greatest total change towards grey in a shadow; with a larger one it is something black
+_MAX_GREY_DRIFT = 0.2
+# bounds of a ratio's relative standard deviation in addition to the noise
+_MIN_SPREAD, _MAX_SPREAD = 0.05, 0.15
+# least number of samples that determine a colour
+_MIN_SAMPLES = 50
+# chi-square gate of a floor sample: 2 degrees of freedom, 95 %
+_GATE = 6.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,9 +116,7 @@ class FloorColor:
         return np.stack([red_ratio, blue_ratio, var_blue / det, -cov / det, var_red / det, peak])
 
 
-def learn_floor_color(
-    samples: UInt8Array, valid: UInt8Array, settings: FloorColorSettings = FloorColorSettings()
-) -> FloorColor | None:
+def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | None:
     """Estimate the floor's colour from an unrolled, slightly blurred frame.
 
     Parameters
@@ -142,22 +134,22 @@ def learn_floor_color(
     # counted among the valid samples, because a mask may hide the body, and more of it at some bearings
     outwards = np.cumsum(valid > 0, axis=1)
     ring = (valid > 0) & (outwards <= RING_COLUMNS)
-    if np.count_nonzero(ring) < settings.min_samples:
+    if np.count_nonzero(ring) < _MIN_SAMPLES:
         return None
     noise = _noise(samples, ring)
     # the samples around the ring count, too, because it may be in a highlight or beside a robot
     near = (valid > 0) & ~ring & (outwards <= samples.shape[1] // 2)
     blue, green, red = np.hstack([pick_colors(samples, ring), pick_colors(samples, near)])
-    weight = np.where(np.arange(len(green)) < np.count_nonzero(ring), settings.ring_weight, 1.0)
+    weight = np.where(np.arange(len(green)) < np.count_nonzero(ring), _RING_WEIGHT, 1.0)
     level = brightness_of(blue, green, red)
     bright = (level > 4) & (green > 2)
-    if np.count_nonzero(bright) < settings.min_samples:
+    if np.count_nonzero(bright) < _MIN_SAMPLES:
         return None
     log_red = np.log((red[bright] + 1) / (green[bright] + 1))
     log_blue = np.log((blue[bright] + 1) / (green[bright] + 1))
     red0, blue0, member = _mode(log_red, log_blue, weight[bright])
     level0 = _lit_level(level[bright][member])
-    red_ratio, blue_ratio, spread = _follow(samples, valid, level0, noise, (math.exp(red0), math.exp(blue0)), settings)
+    red_ratio, blue_ratio, spread = _follow(samples, valid, level0, noise, (math.exp(red0), math.exp(blue0)))
     return FloorColor(level0, noise, red_ratio, blue_ratio, spread)
 
 
@@ -166,8 +158,7 @@ def follow_floor_color(
     valid: UInt8Array,
     is_floor: npt.NDArray[np.bool_],
     before: FloorColor,
-    lift: float = 0.0,
-    settings: FloorColorSettings = FloorColorSettings(),
+    lift: float,
 ) -> FloorColor | None:
     """Estimate the floor's colour again under changed light, from samples that are still known to be floor.
 
@@ -188,22 +179,20 @@ def follow_floor_color(
         None if too few samples are floor.
     """
     usable = is_floor[:, :RING_COLUMNS]
-    noise = (
-        _noise(samples[:, :RING_COLUMNS], usable) if np.count_nonzero(usable) >= settings.min_samples else before.noise
-    )
+    noise = _noise(samples[:, :RING_COLUMNS], usable) if np.count_nonzero(usable) >= _MIN_SAMPLES else before.noise
     # every other bearing suffices, because neighbours share pixels
     samples, valid, is_floor = samples[::2], valid[::2], is_floor[::2]
     blue, green, red = pick_colors(samples, is_floor)
     level = brightness_of(blue, green, red)
     bright = (level > 4) & (green > 2)
-    if np.count_nonzero(bright) < settings.min_samples:
+    if np.count_nonzero(bright) < _MIN_SAMPLES:
         return None
     level0 = _lit_level(level[bright]) * math.exp(lift)
     near = bright & (np.abs(np.log(np.maximum(level, 0.5) / level0)) < 2 * LEVEL_STEP)
-    near = near if np.count_nonzero(near) >= settings.min_samples else bright
+    near = near if np.count_nonzero(near) >= _MIN_SAMPLES else bright
     green1 = green[near] + 1
     red0, blue0 = (float(np.median((c[near] + 1) / green1)) for c in (red, blue))
-    return FloorColor(level0, noise, *_follow(samples, valid, level0, noise, (red0, blue0), settings))
+    return FloorColor(level0, noise, *_follow(samples, valid, level0, noise, (red0, blue0)))
 
 
 def pick_colors(samples: UInt8Array, wanted: npt.NDArray[np.bool_] | UInt8Array) -> FloatArray:
@@ -267,20 +256,19 @@ def _follow(
     level0: float,
     noise: float,
     ratios: tuple[float, float],
-    settings: FloorColorSettings,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Track the ratios R/G and B/G over brightness; returns both curves (L,) and their spread (2,)."""
     red0, blue0 = ratios
     channels, first = _by_step(samples, valid, level0)
     red_ratio, blue_ratio = [red0] * len(LEVELS), [blue0] * len(LEVELS)
-    spread = settings.min_spread, settings.min_spread
+    spread = _MIN_SPREAD, _MIN_SPREAD
     min_samples = max(40, channels.shape[1] // 300)
     order = [(_CENTER, _CENTER), *((i, i - 1) for i in range(_CENTER + 1, len(LEVELS)))]
     order += [(i, i + 1) for i in range(_CENTER - 1, -1, -1)]
     for here, before in order:
         last_red, last_blue = red_ratio[before], blue_ratio[before]
         b, g, r = channels[:, first[here] : first[here + 1]]
-        red_slack, blue_slack = (width + settings.max_step_drift / 2 for width in spread)
+        red_slack, blue_slack = (width + _MAX_STEP_DRIFT / 2 for width in spread)
         # a highlight changes the ratio towards white, a shadow in proportion
         red_scale, blue_scale = (
             max(ratio, 1.0 - ratio) if here > _CENTER else ratio for ratio in (last_red, last_blue)
@@ -288,7 +276,7 @@ def _follow(
         green2 = g * g
         var_red = noise**2 * (1 + last_red**2) + 0.25 + (red_slack * red_scale) ** 2 * green2
         var_blue = noise**2 * (1 + last_blue**2) + 0.25 + (blue_slack * blue_scale) ** 2 * green2
-        member = (r - last_red * g) ** 2 / var_red + (b - last_blue * g) ** 2 / var_blue < settings.gate
+        member = (r - last_red * g) ** 2 / var_red + (b - last_blue * g) ** 2 / var_blue < _GATE
         red_ratio[here], blue_ratio[here] = last_red, last_blue
         b, g, r = b[member], g[member], r[member]
         if len(g) < min_samples:
@@ -299,33 +287,32 @@ def _follow(
             if here > _CENTER:
                 # on the scale of the distance to white, because the ratio itself may be near zero
                 scale = max(start, 1.0 - start)
-                step = _within((seen - last) / scale, settings.max_step_drift)
-                ratio = start + scale * _within((last - start) / scale + step, settings.max_drift)
+                step = _within((seen - last) / scale, _MAX_STEP_DRIFT)
+                ratio = start + scale * _within((last - start) / scale + step, _MAX_DRIFT)
                 drifts.append(math.log(max(ratio, _MIN_RATIO) / start))
             else:
-                drift = math.log(last / start) + _within(math.log(seen / last), settings.max_step_drift)
-                drifts.append(_within(drift, settings.max_drift))
+                drift = math.log(last / start) + _within(math.log(seen / last), _MAX_STEP_DRIFT)
+                drifts.append(_within(drift, _MAX_DRIFT))
         if here < _CENTER:
             # a shadow does not make paint grey: grey samples are something black
-            grey = max(0.0, sum(drifts) - settings.max_grey_drift) / 2
+            grey = max(0.0, sum(drifts) - _MAX_GREY_DRIFT) / 2
             drifts = [drift - grey for drift in drifts]
         red_ratio[here], blue_ratio[here] = red0 * math.exp(drifts[0]), blue0 * math.exp(drifts[1])
         if here == _CENTER:
             red0, blue0 = red_ratio[here], blue_ratio[here]
             red_ratio, blue_ratio = [red0] * len(LEVELS), [blue0] * len(LEVELS)
-            least = settings.min_spread
-            spread = _spread(r, g, red0, noise, least), _spread(b, g, blue0, noise, least)
-    return np.array(red_ratio), np.array(blue_ratio), np.minimum(spread, settings.max_spread)
+            spread = _spread(r, g, red0, noise), _spread(b, g, blue0, noise)
+    return np.array(red_ratio), np.array(blue_ratio), np.minimum(spread, _MAX_SPREAD)
 
 
 def _within(value: float, most: float) -> float:
     return min(max(value, -most), most)
 
 
-def _spread(channel: FloatArray, green: FloatArray, ratio: float, noise: float, least: float) -> float:
+def _spread(channel: FloatArray, green: FloatArray, ratio: float, noise: float) -> float:
     """Return the relative standard deviation of a ratio of channels (N,) in addition to the noise."""
     beyond = float(np.mean((channel - ratio * green) ** 2)) - noise**2 * (1 + ratio**2)
-    return max(least, math.sqrt(max(beyond, 0.0) / float(np.mean(green**2))) / ratio)
+    return max(_MIN_SPREAD, math.sqrt(max(beyond, 0.0) / float(np.mean(green**2))) / ratio)
 
 
 def _by_step(samples: UInt8Array, valid: UInt8Array, level0: float) -> tuple[FloatArray, npt.NDArray[np.int64]]:

@@ -33,6 +33,19 @@ AXES_PX: tuple[tuple[int, int], ...] = ((1, 0), (1, 1), (0, 1), (-1, 1))
 WIDTH_UNITS_PER_PX = 16
 # distance from a line's middle at which the floor beside it is sampled, in line widths and pixels, beyond its blur
 _SIDE_WIDTHS, _SIDE_PX = 0.7, 1.8
+# narrower lines are lost in blur, and wider ones are painted areas
+_WIDTH_PX = (0.6, 60.0)
+# greatest ratio of candidates to pixels in use; a frame with more is noise
+_MAX_POINT_RATIO = 0.1
+# least contrast relative to the clear lines, because paint has one whiteness: less is dirt or glare
+_MIN_CONTRAST_RATIO = 0.35
+# least contrast to the floor, in standard deviations of the noise, and in levels
+_NOISE_STDS, _MIN_THRESHOLD = 5.0, 6
+# weight of points with floor on one side only, where the carpet ends at the line
+_ONE_SIDED_WEIGHT = 0.5
+# width from which a line is always visible, so that floor without a line point is bare
+_RESOLVED_PX = 1.5
+_TONE = ToneRules()
 
 
 class FloorCamera(Protocol):
@@ -50,27 +63,6 @@ class FloorCamera(Protocol):
     def floor_to_pixel(self, points_m: npt.ArrayLike) -> FloatArray:
         """Pixels (..., 2) of floor points (..., 2), robot frame, metres; NaN if not visible."""
         ...
-
-
-@dataclass(frozen=True, slots=True)
-class LineSettings:
-    """Settings of `LineFinder`."""
-
-    #: narrower lines are lost in blur, and wider ones are painted areas
-    width_px: tuple[float, float] = (0.6, 60.0)
-    max_point_ratio: float = 0.1  #: greatest ratio of candidates to pixels in use; a frame with more is noise
-    #: least contrast relative to the clear lines, because paint has one whiteness: less is dirt or glare
-    min_contrast_ratio: float = 0.35
-    #: least contrast to the floor, in standard deviations of the noise, and in levels
-    noise_stds: float = 5.0
-    min_threshold: int = 6
-    one_sided_weight: float = 0.5  #: weight of points with floor on one side only, where the carpet ends at the line
-    #: width from which a line is always visible, so that floor without a line point is bare
-    resolved_px: float = 1.5
-    tone: ToneRules = ToneRules()  #: bounds of the floor's tone
-    #: the expected width is computed once for each square of 2^cell_bits pixels to a side; more than one pixel for
-    #: large frames of a camera that is new in each
-    cell_bits: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,6 +132,9 @@ class LineFinder:
     ----------
     mask : (H, W) array, optional
         Non-zero pixels are never used.
+    cell_bits : int
+        The expected width is computed once for each square of 2^cell_bits pixels to a side; more than one pixel for
+        large frames of a camera that is new in each.
     """
 
     def __init__(
@@ -147,15 +142,14 @@ class LineFinder:
         camera: FloorCamera,
         line_width_m: float,
         mask: npt.NDArray[np.generic] | None = None,
-        settings: LineSettings = LineSettings(),
+        cell_bits: int = 0,
     ) -> None:
-        self.camera = camera
-        self.settings = settings
+        self.camera, self._cell_bits = camera, cell_bits
         width, height = camera.size_px
         if mask is not None and mask.shape[:2] != (height, width):
             raise ArgumentError(f"mask must be {width}x{height}, got {mask.shape[1]}x{mask.shape[0]}")
-        cell = 2**settings.cell_bits
-        middles = cell_middles(camera.size_px, settings.cell_bits)
+        cell = 2**cell_bits
+        middles = cell_middles(camera.size_px, cell_bits)
         floor = camera.pixel_to_floor(middles)
         seen: npt.NDArray[np.bool_] = np.isfinite(floor[..., 0]) & np.isfinite(floor[..., 1])
         if isinstance(camera, OmniCamera):
@@ -167,11 +161,11 @@ class LineFinder:
             seen &= np.asarray(mask).reshape(height, width, -1)[cell // 2 :: cell, cell // 2 :: cell, 0] == 0
         self._width_units = np.empty((len(AXES_PX), *seen.shape), dtype=np.uint16)
         # the floor's derivatives are differences from cell to cell
-        line_widths(floor, seen.astype(np.uint8), float(line_width_m) * cell, settings.width_px, self._width_units)
+        line_widths(floor, seen.astype(np.uint8), float(line_width_m) * cell, _WIDTH_PX, self._width_units)
         self._reach_px = _reaches_px(self._width_units)
         self._seen = np.ascontiguousarray((seen & (self._width_units > 0).any(axis=0)).astype(np.uint8))
         # cells in which a line is too wide to be missed
-        self._resolved = (self._width_units.min(axis=0) >= settings.resolved_px * WIDTH_UNITS_PER_PX).astype(np.uint8)
+        self._resolved = (self._width_units.min(axis=0) >= _RESOLVED_PX * WIDTH_UNITS_PER_PX).astype(np.uint8)
         flat = np.flatnonzero(self._seen)
         ahead, left = floor.reshape(-1, 2)[flat].T
         # the nearest quarter of the visible floor, in which there is hardly anything but carpet
@@ -198,39 +192,37 @@ class LineFinder:
         tone = self._tone(smooth)
         if tone is None:
             return LinePoints.from_pixels(self.camera, np.empty((0, 2)))
-        settings = self.settings
-        floor = floor_mask_by_tone(smooth, self._seen, settings.cell_bits, tone)
+        floor = floor_mask_by_tone(smooth, self._seen, self._cell_bits, tone)
         whiteness = np.empty((height, width), np.uint8)
         least_of_red_and_blue(frame, whiteness)
-        limit = int(settings.max_point_ratio * 4**settings.cell_bits * np.count_nonzero(self._seen)) + 1
+        limit = int(_MAX_POINT_RATIO * 4**self._cell_bits * np.count_nonzero(self._seen)) + 1
         found = line_ridge_points(
             whiteness,
             frame[..., 1],
             floor,
             self._width_units,
             self._reach_px,
-            settings.cell_bits,
+            self._cell_bits,
             self._noise_threshold(whiteness, floor),
             limit,
         )
         if not 0 < len(found) < limit:
             return LinePoints.from_pixels(self.camera, np.empty((0, 2)))
         contrast, two_sided = found[:, 2], found[:, 3] > 0
-        # see `min_contrast_ratio`
-        strong = contrast >= settings.min_contrast_ratio * np.percentile(
+        strong = contrast >= _MIN_CONTRAST_RATIO * np.percentile(
             contrast[two_sided] if two_sided.any() else contrast, 80
         )
         return LinePoints.from_pixels(
             self.camera,
             found[strong, :2],
-            np.where(two_sided[strong], 1.0, settings.one_sided_weight),
+            np.where(two_sided[strong], 1.0, _ONE_SIDED_WEIGHT),
             self._bare(floor),
         )
 
     def _bare(self, floor: UInt8Array) -> npt.NDArray[np.bool_]:
         """Mark pixels that show floor, with all neighbours, where a line would be visible."""
         resolved = self._resolved
-        if self.settings.cell_bits:
+        if self._cell_bits:
             size_px = self.camera.size_px
             resolved = np.asarray(cv2.resize(resolved, size_px, interpolation=cv2.INTER_NEAREST), np.uint8)
         return cv2.erode(floor & resolved, np.ones((9, 9), dtype=np.uint8)).view(np.bool_)
@@ -238,7 +230,7 @@ class LineFinder:
     def _tone(self, smooth: npt.NDArray[np.uint8]) -> Float32Array | None:
         """Estimate the floor's tone (7,) from the nearest pixels, see `floor_mask_by_tone`; None if there is none."""
         tone = np.empty(7, dtype=np.float32)
-        return tone if learn_tone(smooth, self._near, self.settings.tone, tone) else None
+        return tone if learn_tone(smooth, self._near, _TONE, tone) else None
 
     def _noise_threshold(self, whiteness: npt.NDArray[np.uint8], floor: npt.NDArray[np.uint8]) -> int:
         values = whiteness.ravel()
@@ -248,13 +240,13 @@ class LineFinder:
             return 255
         step = np.abs(values[near].astype(np.int16) - values[near + 1])
         return max(
-            self.settings.min_threshold,
-            math.ceil(self.settings.noise_stds * 1.48 / math.sqrt(2) * float(np.median(step))),
+            _MIN_THRESHOLD,
+            math.ceil(_NOISE_STDS * 1.48 / math.sqrt(2) * float(np.median(step))),
         )
 
 
 def cell_middles(size_px: tuple[int, int], cell_bits: int) -> FloatArray:
-    """Return the middles (R, C, 2) of an image's cells, pixels, see `LineSettings`."""
+    """Return the middles (R, C, 2) of an image's cells, pixels, see `LineFinder`."""
     (width, height), cell = size_px, 2**cell_bits
     v, u = np.mgrid[cell // 2 : height : cell, cell // 2 : width : cell].astype(np.float64)
     return np.stack([u, v], axis=-1)

@@ -11,8 +11,20 @@ from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
 from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.correlated_errors import FloorErrors, common_covariance
 from robocup_vision.perception.markings.line_pieces import LinePieces
-from robocup_vision.perception.markings.marking import MarkingSettings
-from robocup_vision.perception.markings.straight import fit_line, is_bare, middle_shifts_m, scale_m
+from robocup_vision.perception.markings.marking import GATE_SIGMAS
+from robocup_vision.perception.markings.straight import (
+    GATE_PX,
+    MIN_BARE_RATIO,
+    MIN_POINTS,
+    NOISE_PX,
+    POINTS_PER_SAMPLE,
+    SLACK_WIDTHS,
+    STRAIGHT_NATS,
+    fit_line,
+    is_bare,
+    middle_shifts_m,
+    scale_m,
+)
 
 # deviations of the camera's tilt that are tested, standard deviations
 _SWAYS = (-1.3, 0.0, 1.3)
@@ -27,6 +39,10 @@ _PARTS = 36
 _MAX_VOTERS = 60
 # width of a proposal's gate, in gates
 _WIDE = 3.0
+# smallest visible part of a circle
+_MIN_ARC_RAD = math.radians(70.0)
+# greatest noise of points of a circle; lines that resemble one have more
+_MAX_ARC_PX = 0.35
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,14 +66,13 @@ def find_arcs(
     common_px: float,
     radii_m: FloatArray,
     free: BoolArray,
-    settings: MarkingSettings,
 ) -> list[Arc]:
     """Return the arcs of these radii, the one with most points first.
 
     Arguments as in `find_straight`; `common_px`: see `common_error_px`; `free` (N,) and `pieces` are those on no
     straight line.
     """
-    slack_m = settings.slack_widths * line_width_m
+    slack_m = SLACK_WIDTHS * line_width_m
     shifts = errors.shifts_m(points.pixels) if len(radii_m) else np.empty((0, 2, 0))
     piece_shifts = errors.shifts_m(pieces.pixels)
     free = free.copy()
@@ -65,11 +80,11 @@ def find_arcs(
     # at most as many as the field has
     for radius, most in zip(*(part.tolist() for part in np.unique(radii_m, return_counts=True)), strict=True):
         for _ in range(most):
-            start = _propose(pieces, piece_shifts, radius, slack_m, settings)
+            start = _propose(pieces, piece_shifts, radius, slack_m)
             if start is None:
                 break
-            arc = _fit(points, shifts, free, *start, radius, errors, line_width_m, common_px, settings)
-            if arc is None or _shows_carpet(points, errors, arc, settings) or _may_be_straight(points, arc, settings):
+            arc = _fit(points, shifts, free, *start, radius, errors, line_width_m, common_px)
+            if arc is None or _shows_carpet(points, errors, arc) or _may_be_straight(points, arc):
                 break
             found.append(arc)
             free[arc.points] = False
@@ -79,13 +94,13 @@ def find_arcs(
 
 
 def _propose(
-    pieces: LinePieces, shifts: FloatArray, radius_m: float, slack_m: float, settings: MarkingSettings
+    pieces: LinePieces, shifts: FloatArray, radius_m: float, slack_m: float
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return the centre (2,) and the camera's errors (K,) with most inlier pieces; None if there are too few."""
     if len(pieces) < 4:
         return None
     errors = shifts.shape[-1]
-    best, best_score = None, float(settings.min_points)
+    best, best_score = None, float(MIN_POINTS)
     a, b, c, d = pieces.floor_per_px.reshape(-1, 4).T
     way_x, way_y = (
         a * pieces.along_px[:, 0] + b * pieces.along_px[:, 1],
@@ -102,8 +117,8 @@ def _propose(
         x, y = floor[:, 0] - centers[:, :1], floor[:, 1] - centers[:, 1:]
         away = np.maximum(np.hypot(x, y), 1e-9)
         x, y = x / away, y / away
-        near = np.abs(away - radius_m) <= _WIDE * settings.gate_px * pieces.across_m_per_px(x, y) + slack_m
-        near &= pieces.is_along(-y, x, settings.direction_rad)
+        near = np.abs(away - radius_m) <= _WIDE * GATE_PX * pieces.across_m_per_px(x, y) + slack_m
+        near &= pieces.is_along(-y, x)
         score = near @ pieces.weight
         at = int(np.argmax(score))
         if score[at] > best_score:
@@ -121,16 +136,15 @@ def _fit(
     errors: FloorErrors,
     line_width_m: float,
     common_px: float,
-    settings: MarkingSettings,
 ) -> Arc | None:
     """Fit centre and camera jointly; None if too little of the circle is visible."""
-    slack_m = settings.slack_widths * line_width_m
+    slack_m = SLACK_WIDTHS * line_width_m
     left = np.flatnonzero(free)
     floor, shifts, bend_px = points.floor_m[left], shifts[left], np.zeros(len(left))
     per_px, own = points.floor_per_px[left], points.weight[left]
     state = np.concatenate([center_m, deviations])
     prior = np.diag(np.concatenate([np.zeros(2), np.ones(len(deviations))]))
-    gate = _WIDE * settings.gate_px
+    gate = _WIDE * GATE_PX
     for step in range(_FIT_STEPS):
         if step == _MIDDLE_STEP:
             floor, shifts, bend_px = _middles(points.pixels[left], per_px, errors, state, radius_m, line_width_m)
@@ -139,24 +153,24 @@ def _fit(
         outward = off / away[:, None]
         scale = _scale_m(per_px, outward)
         near = np.abs(away - radius_m) <= gate * scale + slack_m
-        if np.count_nonzero(near) < settings.min_points:
+        if np.count_nonzero(near) < MIN_POINTS:
             return None
         rows = np.concatenate([-outward, np.einsum("ni,nik->nk", outward, shifts)], axis=1)[near]
         residual_px = (away - radius_m)[near] / scale[near]
         rows /= scale[near, None]
-        noise_px = max(settings.noise_px, math.sqrt(float(own[near] @ residual_px**2 / own[near].sum())))
-        weight = own[near] / (settings.points_per_sample * (noise_px**2 + bend_px[near] ** 2))
+        noise_px = max(NOISE_PX, math.sqrt(float(own[near] @ residual_px**2 / own[near].sum())))
+        weight = own[near] / (POINTS_PER_SAMPLE * (noise_px**2 + bend_px[near] ** 2))
         information = (rows.T * weight) @ rows + prior
         change = np.linalg.solve(
             information + 1e-9 * np.eye(len(state)), (rows.T * weight) @ residual_px + prior @ state
         )
         state = state - change
-        gate = max(settings.gate_px, 0.7 * gate)
-    if noise_px > settings.max_arc_px or (np.abs(state[2:]) > settings.gate_sigmas).any():
+        gate = max(GATE_PX, 0.7 * gate)
+    if noise_px > _MAX_ARC_PX or (np.abs(state[2:]) > GATE_SIGMAS).any():
         return None
     turn = np.arctan2(outward[near, 1], outward[near, 0])
     parts = np.unique((turn / math.tau * _PARTS).astype(np.int64) % _PARTS)
-    if len(parts) * math.tau / _PARTS < settings.min_arc_rad:
+    if len(parts) * math.tau / _PARTS < _MIN_ARC_RAD:
         return None
     covariance = np.linalg.inv(information + 1e-9 * np.eye(len(state)))
     gain = covariance @ (rows.T * weight)
@@ -218,7 +232,7 @@ def _middles(
     return floor, shifts, bend_px
 
 
-def _shows_carpet(points: LinePoints, errors: FloorErrors, arc: Arc, settings: MarkingSettings) -> bool:
+def _shows_carpet(points: LinePoints, errors: FloorErrors, arc: Arc) -> bool:
     """Whether bare carpet covers much of the circle as far as it is in view."""
     turn = np.linspace(0.0, math.tau, 2 * _PARTS, endpoint=False)
     circle = arc.center_m + arc.radius_m * np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -228,17 +242,17 @@ def _shows_carpet(points: LinePoints, errors: FloorErrors, arc: Arc, settings: M
     bare = np.count_nonzero(is_bare(points, camera.floor_to_pixel(shifted)))
     turn = np.arctan2(*(points.floor_m[arc.points] - arc.center_m).T[::-1])
     seen = len(np.unique((turn / math.tau * 2 * _PARTS).astype(np.int64) % (2 * _PARTS)))
-    return bool(bare > settings.min_bare_ratio * seen)
+    return bool(bare > MIN_BARE_RATIO * seen)
 
 
-def _may_be_straight(points: LinePoints, arc: Arc, settings: MarkingSettings) -> bool:
+def _may_be_straight(points: LinePoints, arc: Arc) -> bool:
     """Whether a straight line is about equally likely."""
-    angle, distance, _, _ = fit_line(points, arc.points, _angle_of(points.floor_m[arc.points]), settings)
+    angle, distance, _, _ = fit_line(points, arc.points, _angle_of(points.floor_m[arc.points]))
     normal = np.array([math.cos(angle), math.sin(angle)])
     residual_px = (points.floor_m[arc.points] @ normal - distance) / scale_m(points, arc.points, normal)
-    variance = settings.points_per_sample * arc.noise_px**2
+    variance = POINTS_PER_SAMPLE * arc.noise_px**2
     cost = 0.5 * float(points.weight[arc.points] @ residual_px**2) / variance
-    return cost - arc.cost_nats < settings.straight_nats
+    return cost - arc.cost_nats < STRAIGHT_NATS
 
 
 def _angle_of(floor_m: FloatArray) -> float:

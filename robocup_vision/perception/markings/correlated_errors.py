@@ -16,8 +16,7 @@ from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.perception.line_points import LinePoints
-from robocup_vision.perception.markings.marking import MarkingSettings
-from robocup_vision.perception.markings.straight import Straight, scale_m
+from robocup_vision.perception.markings.straight import POINTS_PER_SAMPLE, Straight, scale_m
 
 # side of a square of the picture whose points have correlated errors
 _SQUARE_PX = 24.0
@@ -25,6 +24,8 @@ _SQUARE_PX = 24.0
 _MIN_POINTS = 4
 # median of the square of a standard normal number
 _MEDIAN_CHI2 = 0.4549
+# least common error of whole stretches of line, due to lens, light and paint
+_BIAS_PX = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,6 @@ class FloorErrors:
     def of(
         cls,
         camera: OmniCamera | PinholeCamera,
-        settings: MarkingSettings,
         held_covariance: FloatArray | None = None,
     ) -> FloorErrors:
         """Return the errors of a camera whose attitude is measured by a frame or given by its file.
@@ -49,8 +49,6 @@ class FloorErrors:
         ----------
         camera : OmniCamera or PinholeCamera
             The camera at that attitude.
-        settings : MarkingSettings
-            Standard deviations to assume if neither gives them.
         held_covariance : (4, 4) float64, optional
             Covariance of a forward camera's tilt, roll, height and logarithm of the focal length.
         """
@@ -108,11 +106,11 @@ def _held(camera: PinholeCamera, error: FloatArray) -> PinholeCamera:
     )
 
 
-def common_error_px(points: LinePoints, lines: list[Straight], settings: MarkingSettings) -> float:
+def common_error_px(points: LinePoints, lines: list[Straight]) -> float:
     """Return the standard deviation of the common error of neighbouring points, pixels across the line.
 
     The points of each straight line are averaged in stripes. The excess of the means' scatter about the line over the
-    points' own errors is the common error. It is at least `settings.bias_px`.
+    points' own errors is the common error. It is at least 0.02 pixels.
     """
     squared, single = [np.empty(0)], [np.empty(0)]
     for line in lines:
@@ -130,11 +128,11 @@ def common_error_px(points: LinePoints, lines: list[Straight], settings: Marking
         mean = np.bincount(stripe, residual_px) / number
         within = float(((residual_px - mean[stripe]) ** 2).sum()) / max(len(which) - len(number), 1)
         squared.append(mean[full] ** 2 * (left + 2) / left)
-        single.append(settings.points_per_sample * within / number[full])
+        single.append(POINTS_PER_SAMPLE * within / number[full])
     if len(squared) == 1:
-        return settings.bias_px
+        return _BIAS_PX
     excess = float(np.median(np.concatenate(squared))) / _MEDIAN_CHI2 - float(np.median(np.concatenate(single)))
-    return float(np.sqrt(max(excess, settings.bias_px**2)))
+    return float(np.sqrt(max(excess, _BIAS_PX**2)))
 
 
 def with_common_errors(points: LinePoints, line: Straight, common_px: float) -> Straight:

@@ -11,7 +11,7 @@ import numpy as np
 from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.correlated_errors import FloorErrors
-from robocup_vision.perception.markings.marking import Crossing, CrossingKind, MarkingSettings
+from robocup_vision.perception.markings.marking import GATE_SIGMAS, MAX_STD_M, Crossing, CrossingKind
 from robocup_vision.perception.markings.straight import Straight, is_bare, marked_at
 
 # an arm is sampled from this distance to the crossing's centre (line widths, pixels) to a multiple of it
@@ -20,6 +20,10 @@ _ARM_ENDS = 3.0
 _SAMPLES = 12
 # least ratio of an arm's samples that show line, or carpet if the arm does not exist
 _ARM_SHARE = 0.6
+# largest distance of a line's end from its crossing, in line widths, and in pixels
+_CROSSING_REACH_WIDTHS, _CROSSING_REACH_PX = 2.5, 8.0
+# largest deviation from a right angle, beyond the lines' errors
+_SQUARE_SLACK_RAD = math.radians(3.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,14 +52,14 @@ class LinePicture:
 
 
 def find_crossings(
-    lines: list[Straight], picture: LinePicture, errors: FloorErrors, line_width_m: float, settings: MarkingSettings
+    lines: list[Straight], picture: LinePicture, errors: FloorErrors, line_width_m: float
 ) -> list[Crossing]:
     """Return the crossings of stretches of line; arguments as in `find_straight`."""
     found = []
     turns = [_turns_rad(line, errors) for line in lines]
     for i, one in enumerate(lines):
         for j in range(i):
-            crossing = _crossing(one, lines[j], turns[i] - turns[j], picture, errors, line_width_m, settings)
+            crossing = _crossing(one, lines[j], turns[i] - turns[j], picture, errors, line_width_m)
             if crossing is not None:
                 found.append(crossing)
     return sorted(found, key=lambda one: float(np.trace(one.covariance)))
@@ -76,11 +80,10 @@ def _crossing(
     picture: LinePicture,
     errors: FloorErrors,
     line_width_m: float,
-    settings: MarkingSettings,
 ) -> Crossing | None:
     apart = math.remainder(one.angle_rad - two.angle_rad - math.pi / 2, math.pi)
     std = math.sqrt(float(one.covariance[0, 0] + two.covariance[0, 0] + turn_rad @ turn_rad))
-    if abs(apart) > settings.gate_sigmas * std + settings.square_slack_rad or std > 0.5:
+    if abs(apart) > GATE_SIGMAS * std + _SQUARE_SLACK_RAD or std > 0.5:
         return None
     normals = np.stack([one.normal, two.normal])
     if abs(np.linalg.det(normals)) < 0.3:
@@ -91,12 +94,12 @@ def _crossing(
     pixel = camera.floor_to_pixel(place)
     if not np.isfinite(pixel).all():
         return None
-    reach_m = settings.crossing_reach_widths * line_width_m
+    reach_m = _CROSSING_REACH_WIDTHS * line_width_m
     for line in (one, two):
         at, (low, high) = float(place @ line.along), line.ends_m
         nearest = line.at(np.array(min(max(at, low), high)))
         gap_px = float(np.hypot(*(camera.floor_to_pixel(nearest) - pixel)))
-        if max(low - at, at - high) > reach_m and gap_px > settings.crossing_reach_px:
+        if max(low - at, at - high) > reach_m and gap_px > _CROSSING_REACH_PX:
             return None
     # the lines' own errors first, then those of the camera
     own = np.zeros((2, 2))
@@ -105,7 +108,7 @@ def _crossing(
         own[k, k] = float(row @ line.covariance @ row)
     shifts = errors.shifts_m(pixel)
     covariance = inverse @ own @ inverse.T + shifts @ shifts.T
-    if not np.linalg.eigvalsh(covariance)[1] <= settings.max_std_m**2:
+    if not np.linalg.eigvalsh(covariance)[1] <= MAX_STD_M**2:
         return None
     arms = _arms(place, (one, two), picture, errors, line_width_m)
     if arms is None:

@@ -12,6 +12,7 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.perception.markings.marking import (
+    GATE_SIGMAS,
     Circle,
     Crossing,
     CrossingKind,
@@ -31,11 +32,6 @@ _BEYOND_M = 0.2
 class FieldFeatures:
     """The lines, crossings, circles and posts of a field.
 
-    Parameters
-    ----------
-    gate_sigmas : float
-        Greatest Mahalanobis distance of a marking from its feature.
-
     Attributes
     ----------
     crossings_m : (M, 2) float64
@@ -48,8 +44,8 @@ class FieldFeatures:
         Middles of the penalty marks.
     """
 
-    def __init__(self, field: Field, gate_sigmas: float) -> None:
-        self._lines, self._arcs, self._gate = field.lines, field.arcs, gate_sigmas
+    def __init__(self, field: Field) -> None:
+        self._lines, self._arcs = field.lines, field.arcs
         places, kinds = [], []
         for place in _meetings(field.lines):
             arms = sum(_has_arm(field.lines, place, way) for way in ((1, 0), (-1, 0), (0, 1), (0, -1)))
@@ -96,7 +92,7 @@ class FieldFeatures:
         overlaps = (place >= -_BEYOND_M) & (place <= length + _BEYOND_M)
         squared = np.where(overlaps, squared, np.inf)
         best = int(np.argmin(squared)) if len(squared) else -1
-        if best < 0 or not squared[best] <= self._gate**2:
+        if best < 0 or not squared[best] <= GATE_SIGMAS**2:
             return segment
         x0, y0, x1, y1 = lines[best].tolist()
         return replace(segment, feature_m=(x0, y0, x1, y1))
@@ -131,7 +127,7 @@ class FieldFeatures:
         off = places_m - here
         squared = np.einsum("ni,ij,nj->n", off, np.linalg.inv(covariance), off)
         best = int(np.argmin(squared))
-        return best if squared[best] <= self._gate**2 else None
+        return best if squared[best] <= GATE_SIGMAS**2 else None
 
 
 def _meetings(lines: FloatArray) -> Iterable[FloatArray]:

@@ -13,21 +13,23 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
-from robocup_vision.perception.line_points import LineFinder, LinePoints, LineSettings
+from robocup_vision.perception.line_points import LineFinder, LinePoints
 from robocup_vision.perception.markings.arcs import Arc, find_arcs
 from robocup_vision.perception.markings.correlated_errors import FloorErrors, common_error_px, with_common_errors
 from robocup_vision.perception.markings.crossings import LinePicture, find_crossings
 from robocup_vision.perception.markings.field_features import FieldFeatures
 from robocup_vision.perception.markings.goal_posts import PostFinder
 from robocup_vision.perception.markings.line_pieces import gather_pieces
-from robocup_vision.perception.markings.marking import Circle, LineSegment, Markings, MarkingSettings
+from robocup_vision.perception.markings.marking import MAX_STD_M, Circle, LineSegment, Markings
 from robocup_vision.perception.markings.painted_spots import SpotFinder
-from robocup_vision.perception.markings.straight import Straight, find_straight, fit_middles
+from robocup_vision.perception.markings.straight import MIN_POINTS, Straight, find_straight, fit_middles
 
 # greatest differences, in tilt and roll and in logarithms of height and focal length, of cameras that share a line
 # finder, because lines have the same width in both
 _SAME_TILT_RAD, _SAME_LOG = math.radians(2.0), 0.02
 _FINGERPRINT_BYTES = 199
+# least number of cells across the picture for which a line's width in pixels is computed
+_CELLS_ACROSS = 160
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,15 +95,13 @@ class MarkingFinder:
         Non-zero pixels are never used.
     """
 
-    def __init__(
-        self, field: Field, mask: UInt8Array | None = None, settings: MarkingSettings = MarkingSettings()
-    ) -> None:
-        self.field, self.settings, self._mask = field, settings, mask
+    def __init__(self, field: Field, mask: UInt8Array | None = None) -> None:
+        self.field, self._mask = field, mask
         self._radii_m = np.round(field.arcs[:, 2], 6)
         # greatest distance of a line of the field from a robot on it
         self._reach_m = math.hypot(field.length_m, field.width_m)
-        self._features = FieldFeatures(field, settings.gate_sigmas)
-        self._posts, self._spots = PostFinder(field, settings), SpotFinder(field, settings)
+        self._features = FieldFeatures(field)
+        self._posts, self._spots = PostFinder(field), SpotFinder(field)
         self._finder: LineFinder | None = None
 
     def __getstate__(self) -> dict[str, object]:
@@ -127,28 +127,27 @@ class MarkingFinder:
             Covariance of a forward camera's tilt and roll (rad), height (m) and logarithm of the focal length, if
             measured by the frame; by default that of the camera file.
         """
-        markings = self._find(frame, FloorErrors.of(camera, self.settings, held_covariance))
+        markings = self._find(frame, FloorErrors.of(camera, held_covariance))
         return self._features.name(markings, pose) if isinstance(pose, PoseEstimate) else markings
 
     def _find(self, frame: UInt8Array, errors: FloorErrors) -> Markings:
-        settings, field, camera = self.settings, self.field, errors.camera
+        field, camera = self.field, errors.camera
         points = self._points(frame, errors)
         posts, spots = tuple(self._posts.find(frame, errors)), tuple(self._spots.find(frame, points, errors))
-        if len(points) < settings.min_points:
+        if len(points) < MIN_POINTS:
             return Markings(posts=posts, penalty_marks=spots)
         pieces = gather_pieces(points)
         width_m, radii_m = field.line_width_m, self._radii_m
-        lines, left, left_pieces = find_straight(points, pieces, camera, width_m, np.unique(radii_m), settings)
-        points, lines = fit_middles(points, lines, camera, width_m, settings)
-        common_px = common_error_px(points, lines, settings)
+        lines, left, left_pieces = find_straight(points, pieces, camera, width_m, np.unique(radii_m))
+        points, lines = fit_middles(points, lines, camera, width_m)
+        common_px = common_error_px(points, lines)
         lines = [with_common_errors(points, line, common_px) for line in lines]
-        arcs = find_arcs(points, pieces.take(left_pieces), errors, width_m, common_px, radii_m, left, settings)
+        arcs = find_arcs(points, pieces.take(left_pieces), errors, width_m, common_px, radii_m, left)
         picture = LinePicture.of(points, camera.size_px)
         segments = [_segment(line, errors) for line in lines]
-        most_m = settings.max_std_m
         return Markings(
-            tuple(one for one in segments if std_at_middle_m(one) <= most_m),
-            tuple(find_crossings(lines, picture, errors, field.line_width_m, settings)),
+            tuple(one for one in segments if std_at_middle_m(one) <= MAX_STD_M),
+            tuple(find_crossings(lines, picture, errors, field.line_width_m)),
             tuple(_circle(arc) for arc in arcs),
             posts,
             spots,
@@ -157,9 +156,9 @@ class MarkingFinder:
     def _points(self, frame: UInt8Array, errors: FloorErrors) -> LinePoints:
         finder, camera = self._finder, errors.camera
         if finder is None or not _looks_alike(finder.camera, camera):
-            across = camera.size_px[0] // self.settings.cells_across
+            across = camera.size_px[0] // _CELLS_ACROSS
             bits = max(0, across.bit_length() - 1)
-            finder = LineFinder(camera, self.field.line_width_m, self._mask, LineSettings(cell_bits=bits))
+            finder = LineFinder(camera, self.field.line_width_m, self._mask, bits)
             self._finder = finder
         found = finder.find(frame)
         if finder.camera is not camera:

@@ -15,6 +15,8 @@ _SQUARE_PX = 8.0
 _MIN_POINTS = 4
 # least ratio of the variances along and across a piece; it is less where lines meet
 _MIN_SLENDERNESS = 6.0
+# sine of the largest angle in the picture between a line and its pieces
+_DIRECTION_SINE = math.sin(math.radians(15.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,13 +48,13 @@ class LinePieces:
         a, b, c, d = self.floor_per_px.reshape(-1, 4).T
         return np.asarray(np.hypot(a * normal_x + c * normal_y, b * normal_x + d * normal_y))
 
-    def is_along(self, way_x: FloatArray, way_y: FloatArray, direction_rad: float) -> BoolArray:
+    def is_along(self, way_x: FloatArray, way_y: FloatArray) -> BoolArray:
         """Whether pieces lie along directions (..., E) of the floor, within an angle in the picture."""
         a, b, c, d = self.floor_per_px.reshape(-1, 4).T
         # the inverse of the derivative, up to scale
         u, v = d * way_x - b * way_y, a * way_y - c * way_x
         across = u * self.along_px[:, 1] - v * self.along_px[:, 0]
-        return np.asarray(across * across <= math.sin(direction_rad) ** 2 * (u * u + v * v))
+        return np.asarray(across * across <= _DIRECTION_SINE**2 * (u * u + v * v))
 
 
 def gather_pieces(points: LinePoints) -> LinePieces:

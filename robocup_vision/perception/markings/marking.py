@@ -5,7 +5,6 @@ Each is measured by one frame. With a known pose, `feature_m` identifies its par
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
 
@@ -15,56 +14,10 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2, turned_covariance, wrap_angle
 
 _STILL = Pose2(0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class MarkingSettings:
-    """Settings of the search for markings."""
-
-    #: least number of cells across the picture for which a line's width in pixels is computed
-    cells_across: int = 160
-    #: least standard deviation of a line point across its line
-    noise_px: float = 0.1
-    #: least common error of whole stretches of line, due to lens, light and paint
-    bias_px: float = 0.02
-    #: number of neighbouring points that count as one independent sample
-    points_per_sample: float = 2.0
-    #: greatest deviation of a line from a straight one due to paint, carpet and lens, in line widths
-    slack_widths: float = 0.15
-    gate_px: float = 1.5  #: greatest distance of a line's points in addition to that
-    direction_rad: float = math.radians(15.0)  #: largest angle in the picture between a line and its pieces
-    #: least number of points of a segment, and least length in the picture
-    min_points: int = 10
-    min_px: float = 20.0
-    min_cover: float = 0.75  #: fraction of a segment's length in the picture on which points lie
-    min_along: float = 0.5  #: least fraction of a segment's points in pieces that are parallel to it
-    #: least ratio of bare carpet in a gap between two lines; with less, something occludes one line
-    min_bare_ratio: float = 0.5
-    #: least log-likelihood ratio of a line to an arc of the field's curvature
-    straight_nats: float = 4.0
-    min_arc_rad: float = math.radians(70.0)  #: smallest visible part of a circle
-    max_arc_px: float = 0.35  #: greatest noise of points of a circle; lines that resemble one have more
-    #: largest distance of a line's end from its crossing, in line widths, and in pixels
-    crossing_reach_widths: float = 2.5
-    crossing_reach_px: float = 8.0
-    gate_sigmas: float = 3.0  #: gate of errors, in standard deviations
-    square_slack_rad: float = math.radians(3.0)  #: largest deviation from a right angle, beyond the lines' errors
-    max_std_m: float = 0.5  #: greatest standard deviation of a reported place
-    min_post_px: float = 3.0  #: width in the picture of the thinnest post that can be distinguished from clutter
-    #: largest ratio of a post's width in the picture to the expected one, and its inverse the smallest
-    post_width_ratio: float = 1.35
-    min_post_ratio: float = 0.6  #: smallest visible part of a post's height within the picture
-    min_solid_ratio: float = 0.75  #: smallest brightness of a white post's dark parts, relative to its bright ones
-    min_contrast_ratio: float = 0.75  #: smallest contrast of a post's edges relative to the clearest post's
-    min_posts_apart: float = 0.5  #: smallest distance of two posts, in goal widths
-    #: standard deviation of a post's foot in the picture: across, and down, where carpet begins in whole rows
-    post_std_px: tuple[float, float] = (0.3, 0.7)
-    #: smallest width or height of a penalty mark in the picture: smaller ones cannot be distinguished from dirt
-    min_spot_px: float = 5.0
-    #: largest ratio of a penalty mark's size to the expected one, and its inverse the smallest
-    spot_size_ratio: float = 1.5
-    spot_std_px: float = 0.12  #: standard deviation of a penalty mark's middle in the picture
-
+# greatest standard deviation of a reported place
+MAX_STD_M = 0.5
+# gate of errors, in standard deviations
+GATE_SIGMAS = 3.0
 
 CrossingKind = Literal["L", "T", "X"]
 

@@ -12,7 +12,7 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.lines.ridges import least_of_red_and_blue
 from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.correlated_errors import FloorErrors
-from robocup_vision.perception.markings.marking import MarkingSettings, PenaltyMark
+from robocup_vision.perception.markings.marking import MAX_STD_M, PenaltyMark
 
 # margin by which the holes in the bare carpet extend beyond the objects that cause them
 _BARE_MARGIN_PX = 4
@@ -22,13 +22,18 @@ _OUTLINE = np.linspace(0.0, math.tau, 17)[:-1]
 _MIN_CONTRAST, _MIN_RATIO = 30.0, 0.15
 # standard deviation of the lens' blur, pixels
 _BLUR_PX = 0.8
+# smallest width or height of a mark in the picture: smaller ones cannot be distinguished from dirt
+_MIN_SIZE_PX = 5.0
+# largest ratio of a mark's size to the expected one, and its inverse the smallest; error of a size in whole pixels
+_SIZE_RATIO, _SLACK_PX = 1.5, 2.0
+# standard deviation of a mark's middle in the picture
+_STD_PX = 0.12
 
 
 class SpotFinder:
     """Finds the penalty marks of a field."""
 
-    def __init__(self, field: Field, settings: MarkingSettings) -> None:
-        self._settings = settings
+    def __init__(self, field: Field) -> None:
         self._mark = field.marks[0] if field.marks else None
         if self._mark is not None:
             self._area_m2, self._spread_m2 = _area_and_spread(self._mark, field.line_width_m)
@@ -59,13 +64,12 @@ class SpotFinder:
             return False
         size_px = np.ptp(rim_px, axis=0)
         own_px = np.array(box[2:]) - 2 * _BARE_MARGIN_PX
-        ratio, px = self._settings.spot_size_ratio, 2.0
-        is_large = size_px.max() >= self._settings.min_spot_px
-        return bool(is_large and ((own_px <= ratio * size_px + px) & (own_px >= size_px / ratio - px)).all())
+        least_px, most_px = size_px / _SIZE_RATIO - _SLACK_PX, _SIZE_RATIO * size_px + _SLACK_PX
+        return bool(size_px.max() >= _MIN_SIZE_PX and ((own_px >= least_px) & (own_px <= most_px)).all())
 
     def _measured(self, frame: UInt8Array, box: list[int], errors: FloorErrors) -> PenaltyMark | None:
         """Return the mark in a box of the picture; None if it is none."""
-        settings, camera = self._settings, errors.camera
+        camera = errors.camera
         left, top, width, height = box
         window = np.ascontiguousarray(frame[top : top + height, left : left + width])
         if min(window.shape[:2]) < 3 or 0 in (left, top):
@@ -94,13 +98,12 @@ class SpotFinder:
         blur = _BLUR_PX**2 * per_px @ per_px.T
         expected = self._spread_m2 * np.eye(2) + blur
         lengths = np.sqrt(np.linalg.eigvals(np.linalg.solve(expected, spread)).real)
-        ratio = settings.spot_size_ratio
-        is_one = 1 / ratio <= lengths.min() and lengths.max() <= ratio
-        if not is_one or not 1 / ratio**2 <= area / self._area_m2 <= ratio**2:
+        is_one = lengths.min() >= 1 / _SIZE_RATIO and lengths.max() <= _SIZE_RATIO
+        if not is_one or not 1 / _SIZE_RATIO**2 <= area / self._area_m2 <= _SIZE_RATIO**2:
             return None
         shifts = errors.shifts_m(camera.floor_to_pixel(place))
-        covariance = settings.spot_std_px**2 * per_px @ per_px.T + shifts @ shifts.T
-        if not np.linalg.eigvalsh(covariance)[1] <= settings.max_std_m**2:
+        covariance = _STD_PX**2 * per_px @ per_px.T + shifts @ shifts.T
+        if not np.linalg.eigvalsh(covariance)[1] <= MAX_STD_M**2:
             return None
         return PenaltyMark(float(place[0]), float(place[1]), covariance)
 

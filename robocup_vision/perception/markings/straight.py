@@ -15,7 +15,6 @@ import numpy.typing as npt
 from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
 from robocup_vision.perception.line_points import FloorCamera, LinePoints
 from robocup_vision.perception.markings.line_pieces import LinePieces
-from robocup_vision.perception.markings.marking import MarkingSettings
 
 # distances in the picture of the partners with which each piece proposes lines
 _PAIRS_PX = (20.0, 60.0, 180.0)
@@ -26,6 +25,21 @@ _ALIKE_SHARE = 0.8
 # greatest distance of neighbouring points along a line without a gap
 _GAP_PX = 8.0
 _COVER_PX = 6.0
+# least standard deviation of a line point across its line, and the number of neighbouring points that count as one
+# independent sample
+NOISE_PX, POINTS_PER_SAMPLE = 0.1, 2.0
+# greatest deviation of a line from a straight one due to paint, carpet and lens, in line widths, and greatest distance
+# of its points in addition to that
+SLACK_WIDTHS, GATE_PX = 0.15, 1.5
+# least number of points of a segment, and least length in the picture
+MIN_POINTS, _MIN_PX = 10, 20.0
+# least fraction of a segment's length in the picture on which points lie, and of its points in pieces that are parallel
+# to it
+_MIN_COVER, _MIN_ALONG = 0.75, 0.5
+# least ratio of bare carpet in a gap between two lines; with less, something occludes one line
+MIN_BARE_RATIO = 0.5
+# least log-likelihood ratio of a line to an arc of the field's curvature
+STRAIGHT_NATS = 4.0
 
 
 def _axes(angle_rad: float) -> tuple[FloatArray, FloatArray]:
@@ -68,7 +82,6 @@ def find_straight(
     camera: FloorCamera,
     line_width_m: float,
     radii_m: FloatArray,
-    settings: MarkingSettings,
 ) -> tuple[list[Straight], BoolArray, BoolArray]:
     """Return the straight stretches of line, the one with most points first, and the points and pieces left for arcs.
 
@@ -82,8 +95,8 @@ def find_straight(
     list of Straight, (N,) bool, (E,) bool
         The stretches; masks of the points and of the pieces on none of them.
     """
-    slack_m = settings.slack_widths * line_width_m
-    agrees = _proposals(pieces, slack_m, settings)
+    slack_m = SLACK_WIDTHS * line_width_m
+    agrees = _proposals(pieces, slack_m)
     weight, found = pieces.weight.copy(), []
     # possible parts of arcs are tested once and left for arcs
     open_points, left_points = np.ones(len(points), dtype=np.bool_), np.ones(len(points), dtype=np.bool_)
@@ -93,16 +106,16 @@ def find_straight(
             break
         score = agrees @ weight
         best = int(np.argmax(score))
-        if score[best] < settings.min_points:
+        if score[best] < MIN_POINTS:
             break
         members = agrees[best] & (weight > 0)
-        stretches = _stretches(points, pieces, members, open_points, camera, slack_m, settings)
+        stretches = _stretches(points, pieces, members, open_points, camera, slack_m)
         for straight in stretches:
-            on_it = _lies_on(pieces, straight, slack_m, settings)
+            on_it = _lies_on(pieces, straight, slack_m)
             open_points[straight.points], weight[on_it] = False, 0.0
             # the points of lines that cross this one are near it but in pieces of another direction
             along = pieces.weight[on_it].sum() / points.weight[straight.points].sum()
-            if along >= settings.min_along and not _may_be_arc(points, straight, radii_m, settings):
+            if along >= _MIN_ALONG and not _may_be_arc(points, straight, radii_m):
                 found.append(straight)
                 left_points[straight.points], left_pieces[on_it] = False, False
         if not stretches:
@@ -112,7 +125,7 @@ def find_straight(
     return sorted(found, key=lambda one: -len(one.points)), left_points, left_pieces
 
 
-def _proposals(pieces: LinePieces, slack_m: float, settings: MarkingSettings) -> BoolArray:
+def _proposals(pieces: LinePieces, slack_m: float) -> BoolArray:
     """Return the inlier pieces (H, E) bool of each proposed line."""
     count = len(pieces)
     if count < 2:
@@ -120,7 +133,7 @@ def _proposals(pieces: LinePieces, slack_m: float, settings: MarkingSettings) ->
     x, y = pieces.floor_m.T
     u, v = pieces.pixels.T
     apart_px = np.hypot(u[:, None] - u, v[:, None] - v)
-    along = pieces.is_along(x[:, None] - x, y[:, None] - y, settings.direction_rad)
+    along = pieces.is_along(x[:, None] - x, y[:, None] - y)
     pairs = along & along.T & (apart_px >= _PAIRS_PX[0] / 2)
     # long pairs are accurate for long lines, and short lines have only short ones
     nearest = [
@@ -133,18 +146,18 @@ def _proposals(pieces: LinePieces, slack_m: float, settings: MarkingSettings) ->
     length = np.maximum(np.hypot(way_x, way_y), 1e-9)
     normal_x, normal_y = (way_y / length)[:, None], (-way_x / length)[:, None]
     off_m = np.abs(normal_x * (x - x[first][:, None]) + normal_y * (y - y[first][:, None]))
-    near = off_m <= settings.gate_px * pieces.across_m_per_px(normal_x, normal_y) + slack_m
-    return np.asarray(near & pieces.is_along(-normal_y, normal_x, settings.direction_rad))
+    near = off_m <= GATE_PX * pieces.across_m_per_px(normal_x, normal_y) + slack_m
+    return np.asarray(near & pieces.is_along(-normal_y, normal_x))
 
 
-def _lies_on(pieces: LinePieces, straight: Straight, slack_m: float, settings: MarkingSettings) -> BoolArray:
+def _lies_on(pieces: LinePieces, straight: Straight, slack_m: float) -> BoolArray:
     """Return the pieces (E,) that belong to a stretch."""
     normal, along = straight.normal, straight.along
     off_m = np.abs(pieces.floor_m @ normal - straight.distance_m)
     at = pieces.floor_m @ along
     within = (at >= straight.ends_m[0] - slack_m) & (at <= straight.ends_m[1] + slack_m)
-    near = off_m <= 2 * settings.gate_px * pieces.across_m_per_px(normal[0], normal[1]) + slack_m
-    return np.asarray(near & within & pieces.is_along(along[0], along[1], settings.direction_rad))
+    near = off_m <= 2 * GATE_PX * pieces.across_m_per_px(normal[0], normal[1]) + slack_m
+    return np.asarray(near & within & pieces.is_along(along[0], along[1]))
 
 
 def scale_m(points: LinePoints, which: Int64Array, normal: FloatArray) -> FloatArray:
@@ -153,9 +166,7 @@ def scale_m(points: LinePoints, which: Int64Array, normal: FloatArray) -> FloatA
     return np.asarray(np.hypot(a * normal[0] + c * normal[1], b * normal[0] + d * normal[1]))
 
 
-def fit_line(
-    points: LinePoints, which: Int64Array, angle_rad: float, settings: MarkingSettings
-) -> tuple[float, float, float, FloatArray]:
+def fit_line(points: LinePoints, which: Int64Array, angle_rad: float) -> tuple[float, float, float, FloatArray]:
     """Fit a line to points with equal errors in pixels.
 
     Returns
@@ -178,20 +189,18 @@ def fit_line(
     normal, along = _axes(angle_rad)
     distance, middle = float(center @ normal), float(center @ along)
     residual_px = (floor @ normal - distance) / scale
-    noise_px = max(settings.noise_px, math.sqrt(float(own @ residual_px**2 / own.sum())))
-    variance = settings.points_per_sample * noise_px**2
+    noise_px = max(NOISE_PX, math.sqrt(float(own @ residual_px**2 / own.sum())))
+    variance = POINTS_PER_SAMPLE * noise_px**2
     turn = variance / max(spread, 1e-12)
     covariance = np.array([[turn, middle * turn], [middle * turn, variance / total + middle**2 * turn]])
     return angle_rad, distance, middle, covariance
 
 
-def _near(
-    points: LinePoints, angle_rad: float, distance_m: float, which: Int64Array, slack_m: float, gate_px: float
-) -> Int64Array:
+def _near(points: LinePoints, angle_rad: float, distance_m: float, which: Int64Array, slack_m: float) -> Int64Array:
     """Return the points that lie on a line."""
     normal, _ = _axes(angle_rad)
     off_m = np.abs(points.floor_m[which] @ normal - distance_m)
-    return which[off_m <= gate_px * scale_m(points, which, normal) + slack_m]
+    return which[off_m <= GATE_PX * scale_m(points, which, normal) + slack_m]
 
 
 def _stretches(
@@ -201,7 +210,6 @@ def _stretches(
     free: BoolArray,
     camera: FloorCamera,
     slack_m: float,
-    settings: MarkingSettings,
 ) -> list[Straight]:
     """Return the stretches of a proposed line, divided only where there is bare carpet between them."""
     places = pieces.floor_m[members]
@@ -212,23 +220,23 @@ def _stretches(
     left = np.flatnonzero(free)
     chosen = left
     for _ in range(3):
-        chosen = _near(points, angle, distance, left, slack_m, settings.gate_px)
-        if len(chosen) < settings.min_points:
+        chosen = _near(points, angle, distance, left, slack_m)
+        if len(chosen) < MIN_POINTS:
             return []
-        angle, distance, _, _ = fit_line(points, chosen, angle, settings)
+        angle, distance, _, _ = fit_line(points, chosen, angle)
     found = []
-    for run in _runs(points, chosen, angle, distance, camera, settings):
-        if len(run) < settings.min_points:
+    for run in _runs(points, chosen, angle, distance, camera):
+        if len(run) < MIN_POINTS:
             continue
-        straight = stretch_of(points, run, angle, settings)
-        if _is_whole(points, straight, camera, settings):
+        straight = stretch_of(points, run, angle)
+        if _is_whole(points, straight, camera):
             found.append(straight)
     return found
 
 
-def stretch_of(points: LinePoints, which: Int64Array, angle_rad: float, settings: MarkingSettings) -> Straight:
+def stretch_of(points: LinePoints, which: Int64Array, angle_rad: float) -> Straight:
     """Return the stretch of line through points; `angle_rad` is an approximate direction."""
-    angle, distance, middle, covariance = fit_line(points, which, angle_rad, settings)
+    angle, distance, middle, covariance = fit_line(points, which, angle_rad)
     at = points.floor_m[which] @ _axes(angle)[1]
     return Straight(angle, distance, middle, (float(at.min()), float(at.max())), covariance, which)
 
@@ -239,7 +247,6 @@ def _runs(
     angle_rad: float,
     distance_m: float,
     camera: FloorCamera,
-    settings: MarkingSettings,
 ) -> list[Int64Array]:
     """Divide the points of a line where bare carpet lies between them."""
     normal, along = _axes(angle_rad)
@@ -257,10 +264,7 @@ def _runs(
         between = np.linspace(at[gap], at[gap + 1], 34)[1:-1]
         pixels = camera.floor_to_pixel(distance_m * normal + between[:, None] * along)
         # a gap longer than the visible line on either side is not attributed to occlusion
-        if (
-            step_px[gap] > extent_px[index : index + 2].min()
-            or is_bare(points, pixels).mean() > settings.min_bare_ratio
-        ):
+        if step_px[gap] > extent_px[index : index + 2].min() or is_bare(points, pixels).mean() > MIN_BARE_RATIO:
             cuts.append(gap + 1)
     return np.split(which, cuts)
 
@@ -282,25 +286,25 @@ def marked_at(picture: npt.NDArray[np.generic], pixels: FloatArray) -> BoolArray
     return np.asarray(inside & (picture[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)] != 0))
 
 
-def _is_whole(points: LinePoints, straight: Straight, camera: FloorCamera, settings: MarkingSettings) -> bool:
+def _is_whole(points: LinePoints, straight: Straight, camera: FloorCamera) -> bool:
     """Whether a stretch is long enough in the picture and mostly covered by points."""
     low, high = straight.ends_m
     path = camera.floor_to_pixel(straight.at(np.linspace(low, high, 65)))
     way_px = np.append(0.0, np.cumsum(np.nan_to_num(np.hypot(*np.diff(path, axis=0).T))))
-    if way_px[-1] < settings.min_px:
+    if way_px[-1] < _MIN_PX:
         return False
     at = np.interp(points.floor_m[straight.points] @ straight.along, np.linspace(low, high, 65), way_px)
     count = max(int(way_px[-1] / _COVER_PX), 1)
     covered = np.bincount(np.minimum((at / way_px[-1] * count).astype(np.int64), count - 1), minlength=count) > 0
-    return bool(covered.mean() >= settings.min_cover)
+    return bool(covered.mean() >= _MIN_COVER)
 
 
-def _may_be_arc(points: LinePoints, straight: Straight, radii_m: FloatArray, settings: MarkingSettings) -> bool:
+def _may_be_arc(points: LinePoints, straight: Straight, radii_m: FloatArray) -> bool:
     """Whether the points of a stretch may lie on an arc of one of the radii."""
     if not len(radii_m):
         return False
     floor, scale = points.floor_m[straight.points], scale_m(points, straight.points, straight.normal)
-    weight = points.weight[straight.points] / scale**2 / settings.points_per_sample
+    weight = points.weight[straight.points] / scale**2 / POINTS_PER_SAMPLE
     at, off = floor @ straight.along - straight.middle_m, floor @ straight.normal - straight.distance_m
     basis = np.stack([np.ones_like(at), at], axis=1)
     gram = (basis.T * weight) @ basis
@@ -309,9 +313,9 @@ def _may_be_arc(points: LinePoints, straight: Straight, radii_m: FloatArray, set
         fit = np.linalg.lstsq(gram, (basis.T * weight) @ values, rcond=None)[0]
         return float(weight @ (values - basis @ fit) ** 2)
 
-    noise2 = max(settings.noise_px**2, cost(off) / max(float(len(at)) / settings.points_per_sample, 1.0))
+    noise2 = max(NOISE_PX**2, cost(off) / max(float(len(at)) / POINTS_PER_SAMPLE, 1.0))
     nats = 0.5 * (min(cost(off - s * at**2 / (2 * r)) for r in radii_m for s in (-1, 1)) - cost(off)) / noise2
-    return nats < settings.straight_nats
+    return nats < STRAIGHT_NATS
 
 
 def middle_shifts_m(camera: FloorCamera, places_m: FloatArray, normals: FloatArray, line_width_m: float) -> FloatArray:
@@ -328,7 +332,7 @@ def middle_shifts_m(camera: FloorCamera, places_m: FloatArray, normals: FloatArr
 
 
 def fit_middles(
-    points: LinePoints, lines: list[Straight], camera: FloorCamera, line_width_m: float, settings: MarkingSettings
+    points: LinePoints, lines: list[Straight], camera: FloorCamera, line_width_m: float
 ) -> tuple[LinePoints, list[Straight]]:
     """Return line points corrected to the middles of their lines, and the lines refitted to them."""
     floor = points.floor_m.copy()
@@ -337,4 +341,4 @@ def fit_middles(
         normals = np.broadcast_to(line.normal, places.shape)
         floor[line.points] -= middle_shifts_m(camera, places, normals, line_width_m)
     points = replace(points, floor_m=floor)
-    return points, [stretch_of(points, line.points, line.angle_rad, settings) for line in lines]
+    return points, [stretch_of(points, line.points, line.angle_rad) for line in lines]

@@ -11,7 +11,7 @@ from field_models import ArgumentError, load_field
 from robocup_vision.camera import OmniCamera, Tangent
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.perception.line_points import LineFinder, LinePoints, LineSettings, cell_middles
+from robocup_vision.perception.line_points import LineFinder, LinePoints, cell_middles
 
 FIELD = load_field("msl_6x4")
 POSE = Pose2(-0.7, 0.4, 0.5)
@@ -120,15 +120,6 @@ def test_masked_pixels_are_never_points(mirror_camera, paint_field):
     points = LineFinder(mirror_camera, FIELD.line_width_m, mask).find(paint_field(mirror_camera, FIELD, POSE))
     assert len(points) > 100
     assert points.pixels[:, 0].max() < 161
-
-
-def test_settings_are_used(finder, mirror_camera, paint_field):
-    frame = paint_field(mirror_camera, FIELD, POSE)
-    usual = finder.find(frame)
-    strict = LineFinder(mirror_camera, FIELD.line_width_m, settings=LineSettings(min_threshold=254)).find(frame)
-    assert len(strict) < len(usual) / 2
-    light = LineFinder(mirror_camera, FIELD.line_width_m, settings=LineSettings(one_sided_weight=0.25)).find(frame)
-    assert set(np.unique(light.weight)) <= {0.25, 1.0}
 
 
 @pytest.mark.parametrize("kind", ["black", "white", "grey", "noise"])

@@ -15,7 +15,6 @@ from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.correlated_errors import FloorErrors, common_covariance, common_error_px
 from robocup_vision.perception.markings.field_features import FieldFeatures
 from robocup_vision.perception.markings.finder import MarkingFinder
-from robocup_vision.perception.markings.marking import MarkingSettings
 from robocup_vision.perception.markings.straight import middle_shifts_m, stretch_of
 
 CAMERA = PinholeCamera(
@@ -37,14 +36,14 @@ def test_the_middle_of_a_near_wide_line_is_found_by_its_edges():
 
 @pytest.mark.parametrize("common_px", [0.0, 0.3])
 def test_the_common_error_of_neighbouring_points_shows_in_how_lines_bend(common_px):
-    rng, settings = np.random.default_rng(3), MarkingSettings()
+    rng = np.random.default_rng(3)
     u, errors = np.arange(40.0, 600.0), []
     for row in (200.0, 280.0, 360.0):
         v = row + 0.15 * rng.standard_normal(len(u)) + common_px * np.repeat(rng.standard_normal(24), 24)[: len(u)]
         errors.append(np.stack([u, v], axis=1))
     points = LinePoints.from_pixels(CAMERA, np.concatenate(errors), np.ones(3 * len(u)), None)
-    lines = [stretch_of(points, np.arange(k * len(u), (k + 1) * len(u)), 0.0, settings) for k in range(3)]
-    estimated_px = common_error_px(points, lines, settings)
+    lines = [stretch_of(points, np.arange(k * len(u), (k + 1) * len(u)), 0.0) for k in range(3)]
+    estimated_px = common_error_px(points, lines)
     if common_px:
         assert 0.5 * common_px < estimated_px < 1.5 * common_px
     else:
@@ -67,7 +66,7 @@ def test_errors_of_tilt_and_height_that_cancel_move_the_floor_less():
     opposite[0, 2] = opposite[2, 0] = 0.95 * 0.01 * 0.01
 
     def spread(covariance):
-        shifts = FloorErrors.of(CAMERA, MarkingSettings(), covariance).shifts_m(at)[0]
+        shifts = FloorErrors.of(CAMERA, covariance).shifts_m(at)[0]
         return float(np.trace(shifts @ shifts.T))
 
     apart = spread(both)
@@ -78,7 +77,7 @@ def test_a_pan_that_is_known_so_well_moves_all_sideways():
     panned = CAMERA.held_as(PinholeCamera((640, 480), (460.0, 460.0), (319.5, 239.5), 0.5, pan_std_rad=0.02))
     panned = panned.with_orientation(0.0, -0.45, 0.0)
     estimated_px = np.diag([1e-9, 1e-9, 1e-9, 0.0]) ** 2
-    ahead, left = FloorErrors.of(panned, MarkingSettings(), estimated_px).shifts_m(np.array([319.5, 239.5]))
+    ahead, left = FloorErrors.of(panned, estimated_px).shifts_m(np.array([319.5, 239.5]))
     away = float(CAMERA.pixel_to_floor(np.array([319.5, 239.5]))[0])
     assert np.linalg.norm(left) == pytest.approx(0.02 * away, rel=1e-3)
     assert np.linalg.norm(ahead) < 1e-3
@@ -88,7 +87,7 @@ def test_a_pan_that_is_known_so_well_moves_all_sideways():
 def test_of_a_camera_known_well_the_errors_told_are_those_made(paint_field):
     """Only this finds errors of lines or crossings that are not as large as is told of them."""
     field, rng = load_field("humanoid_kid_2025"), np.random.default_rng(5)
-    finder, features = MarkingFinder(field), FieldFeatures(load_field("humanoid_kid_2025"), 3.0)
+    finder, features = MarkingFinder(field), FieldFeatures(load_field("humanoid_kid_2025"))
     lines, spots = [], []
     for x, y, heading in ((2.0, 1.0, 0.4), (3.2, -1.5, -0.5), (-0.8, 0.5, 0.2), (1.5, 2.2, 0.9), (0.9, -0.7, 2.6)):
         pose = Pose2(x, y, heading)

@@ -15,9 +15,10 @@ from field_models.errors import FrameError
 from robocup_vision.camera import FisheyeCamera, OmniCamera, PinholeCamera, Tangent
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
+from robocup_vision.perception.markings import correlated_errors
 from robocup_vision.perception.markings.field_features import FieldFeatures
 from robocup_vision.perception.markings.finder import MarkingFinder, MarkingSource
-from robocup_vision.perception.markings.marking import Markings, MarkingSettings
+from robocup_vision.perception.markings.marking import Markings
 from robocup_vision.vision import Vision
 from sim2d.rendering.cameras import sekimori_camera
 
@@ -120,7 +121,7 @@ def test_segments_lie_on_lines_of_the_field(seen, name):
 @pytest.mark.parametrize("name", SETUPS)
 def test_crossings_are_those_of_the_field_and_of_their_kind(seen, name):
     for field, _, pose, _, markings in seen[name]:
-        features = FieldFeatures(field, 3.0)
+        features = FieldFeatures(field)
         for one in markings.crossings:
             errors = place_errors(one, pose, features.crossings_m)
             best = int(np.argmin(errors))
@@ -150,7 +151,7 @@ def test_a_pose_names_what_is_found_and_moves_nothing(seen, name):
         named = MarkingFinder(field).find(frame, camera, estimate)
         assert [one.start_m for one in named.segments] == [one.start_m for one in alone.segments]
         lines = {tuple(line) for line in field.lines.tolist()}
-        features = FieldFeatures(field, 3.0)
+        features = FieldFeatures(field)
         assert {one.feature_m for one in named.segments} <= lines | {None}
         kinds = dict(zip(map(tuple, features.crossings_m.tolist()), features.kinds, strict=True))
         for one in named.crossings:
@@ -182,14 +183,15 @@ def test_a_turned_head_turns_the_markings(seen):
         assert one.kind == other.kind
 
 
-def test_noise_widens_what_points_tell(paint_field):
+def test_noise_widens_what_points_tell(paint_field, monkeypatch):
     field, rng = load_field("spl_2020"), np.random.default_rng(3)
     camera = replace(AHEAD, height_std_m=0.0, roll_std_rad=0.0)
-    points = MarkingFinder(field, settings=MarkingSettings(bias_px=0.0))
+    monkeypatch.setattr(correlated_errors, "_BIAS_PX", 0.0)
+    finder = MarkingFinder(field)
     stds = []
     for noise in (1.0, 12.0):
         frame = paint_field(camera, field, Pose2(3.0, 1.5, 0.5), noise=noise, rng=rng)
-        stds.append(min(math.sqrt(one.covariance[0, 0]) for one in points.find(frame, camera).segments))
+        stds.append(min(math.sqrt(one.covariance[0, 0]) for one in finder.find(frame, camera).segments))
     assert stds[1] > 1.05 * stds[0]
 
 
@@ -262,7 +264,7 @@ def test_goal_posts_stand_where_they_are():
     camera = PinholeCamera(
         (640, 480), (500.0, 500.0), (319.5, 239.5), 0.46, pan_rad=0.0, tilt_rad=-0.2, roll_rad=0.0, roll_std_rad=0.003
     )
-    features, found = FieldFeatures(field, 3.0), 0
+    features, found = FieldFeatures(field), 0
     for pose in (Pose2(2.0, 0.3, 0.0), Pose2(2.8, -0.5, 0.3), Pose2(-2.0, 0.2, math.pi)):
         frame = goal_picture(field, camera, pose)
         estimate = PoseEstimate(pose, np.diag([1e-4, 1e-4, 1e-4]), 1.0, 0.0)
@@ -302,7 +304,7 @@ def test_a_frame_written_to_since_is_told(paint_field):
 
 
 def test_a_field_knows_its_crossings():
-    features = FieldFeatures(load_field("spl_2020"), 3.0)
+    features = FieldFeatures(load_field("spl_2020"))
     kinds = dict(zip(map(tuple, features.crossings_m.tolist()), features.kinds, strict=True))
     assert len(kinds) == 22
     assert {place for place, kind in kinds.items() if kind == "L"} >= {(4.5, 3.0), (3.9, 1.1), (-2.85, 2.0)}
