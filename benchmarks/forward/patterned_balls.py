@@ -22,7 +22,7 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.balls.finder import BallFinder
-from robocup_vision.perception.balls.look import BallFrame
+from robocup_vision.perception.balls.projection import BallFrame
 from sim2d.rendering.backdrop import Backdrop, BackdropKind
 from sim2d.rendering.goal.scenes import ROUGH_SHOT, nao_camera
 from sim2d.rendering.goal.surroundings import sun_patch

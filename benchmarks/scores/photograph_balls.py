@@ -33,7 +33,7 @@ from robocup_vision import Vision, load_camera
 from robocup_vision.camera import OmniCamera, PinholeCamera
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.balls.finder import BallFinder
-from robocup_vision.perception.balls.look import BallFrame
+from robocup_vision.perception.balls.projection import BallFrame
 from sim2d.rendering.cameras import sekimori_camera
 
 # balls in the six photographs of onboard_ssl, read by eye, pixels; the near one is 110 wide

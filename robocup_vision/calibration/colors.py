@@ -25,8 +25,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.perception.color_table import Colors, build_color_table, colors_for, learn_colors
 from robocup_vision.perception.floor_color import LEVELS, FloorColor, PaintColor
 from robocup_vision.perception.floor_view import FloorView, sees_floor
-from robocup_vision.perception.hidden_pixels import hidden_pixels
-from robocup_vision.perception.polar_view import PolarView
+from robocup_vision.perception.polar_view import PolarView, hidden_pixels
 from robocup_vision.vision import Vision
 
 COLORED = ("ball", "goal_positive_x", "goal_negative_x")

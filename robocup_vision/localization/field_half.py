@@ -27,7 +27,7 @@ from robocup_vision.localization.swapped_channels import (
     swapped_nats,
 )
 from robocup_vision.perception.color_table import Colors
-from robocup_vision.perception.hidden_pixels import hidden_pixels
+from robocup_vision.perception.polar_view import hidden_pixels
 
 _NO_VOTES = (0, 0, 0, 0)
 # greatest sum of metres and radians between equal poses

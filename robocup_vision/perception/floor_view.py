@@ -18,12 +18,9 @@ from robocup_vision.camera.fisheye import FisheyeCamera
 from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
 from robocup_vision.kernels.floor.turned_view import sample_turned
-from robocup_vision.perception.hidden_pixels import hidden_pixels
+from robocup_vision.perception.polar_view import BEARINGS, FARTHEST_HEIGHTS, hidden_pixels
 
-BEARINGS = 160
 COLUMNS = 144
-# beyond this range, in viewpoint heights, the floor is within a few pixels of the horizon for any lens
-_FARTHEST_HEIGHTS = 40.0
 # extent beyond the horizon, pixels, so that a wall is visible behind the last floor
 _BEYOND_HORIZON_PX = 12.0
 # greatest tangent of the depression
@@ -40,7 +37,7 @@ _STEPS_AT_ONCE = 64
 
 def sees_floor(camera: PinholeCamera) -> bool:
     """Whether a camera's view includes floor near enough to be measured."""
-    return float(_rim(camera)[1].min()) < -1.0 / _FARTHEST_HEIGHTS
+    return float(_rim(camera)[1].min()) < -1.0 / FARTHEST_HEIGHTS
 
 
 class FloorView:
@@ -194,12 +191,12 @@ class FloorView:
 
     @property
     def _columns_measured(self) -> int:
-        return max(1, int(np.count_nonzero(self._slopes < -1.0 / _FARTHEST_HEIGHTS)))
+        return max(1, int(np.count_nonzero(self._slopes < -1.0 / FARTHEST_HEIGHTS)))
 
     def ring_bounds_m(self, rings: int, first_column: int) -> FloatArray:
         """Return bounds (I + 1,) float64, metres, of rings around the robot with equal ratios."""
         column = min(first_column, self._columns_measured - 1)
-        near, far = float(self.range_m[column]), _FARTHEST_HEIGHTS * self.camera.height_m
+        near, far = float(self.range_m[column]), FARTHEST_HEIGHTS * self.camera.height_m
         pan = self.camera.pan_rad or 0.0
         ahead = np.geomspace(near, max(far, 1.01 * near), rings + 1)[:, None] * [math.cos(pan), math.sin(pan)]
         bounds = np.hypot(*(ahead + np.array(self.camera.offset_m)).T)

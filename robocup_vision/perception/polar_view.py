@@ -14,14 +14,13 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray, UInt8Array, plain_frame, read_only
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.floor.unrolled import unroll
-from robocup_vision.perception.hidden_pixels import hidden_pixels
 
 BEARINGS = 160
 RADII = 72
 # the 3 x 3 blur and the lens mix the robot's body into the innermost columns, which therefore show no obstacle
 BODY_COLUMNS = 2
 # beyond this range, in viewpoint heights, the floor is within a few pixels of the horizon for any mirror
-_FARTHEST_HEIGHTS = 40.0
+FARTHEST_HEIGHTS = 40.0
 
 
 class PolarView:
@@ -81,7 +80,7 @@ class PolarView:
     def ring_bounds_m(self, rings: int, first_column: int) -> FloatArray:
         """Return bounds (I + 1,) float64, metres, of rings around the robot with equal steps in image radius."""
         camera = self.camera
-        farthest = _FARTHEST_HEIGHTS * (camera.height_m if camera.height_m is not None else 0.5)
+        farthest = FARTHEST_HEIGHTS * (camera.height_m if camera.height_m is not None else 0.5)
         inner, outer = self.radius_px[first_column] - self.step_px / 2, self.radius_px[-1]
         horizon = float(np.nan_to_num(camera.floor_range.radius_px(1.0 / farthest), nan=outer))
         q = camera.floor_range.inverse_range_per_m(np.linspace(inner, min(outer, horizon), rings + 1))
@@ -138,3 +137,10 @@ class PolarView:
         samples = np.empty((*self.places.shape, 3), dtype=np.uint8)
         unroll(plain_frame(frame), self.places, samples)
         return samples
+
+
+def hidden_pixels(mask: UInt8Array | None) -> UInt8Array:
+    """Return 1 where the 3 x 3 neighbourhood has a pixel hidden by a mask (H, W), (H, W) uint8; (0, 0) without one."""
+    if mask is None:
+        return np.empty((0, 0), dtype=np.uint8)
+    return np.asarray(cv2.dilate((mask > 0).astype(np.uint8), np.ones((3, 3), np.uint8)), dtype=np.uint8)

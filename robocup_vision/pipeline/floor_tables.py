@@ -13,8 +13,9 @@ from field_models.field import Field
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.perception.balls.projection import PinholeBallProjection
-from robocup_vision.perception.floor_view import BEARINGS, FloorView, sees_floor
+from robocup_vision.perception.floor_view import FloorView, sees_floor
 from robocup_vision.perception.free_space import FREE_RATIO, FloorMarking, FreeSpaceGrid
+from robocup_vision.perception.polar_view import BEARINGS
 
 # where the file leaves the tilt open, or the frame's mounting tells it: steps of tilt and roll, of which half moves a
 # picture's edge by no more than a walking body does, and of the logarithms of height and focal length

@@ -20,8 +20,7 @@ from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import make_mirror_localizer
 from robocup_vision.localization.swapped_channels import MIN_DISTANCE
 from robocup_vision.perception.balls.finder import BallFinder
-from robocup_vision.perception.balls.look import BallFrame
-from robocup_vision.perception.balls.projection import MirrorBallProjection
+from robocup_vision.perception.balls.projection import BallFrame, MirrorBallProjection
 from robocup_vision.perception.color_table import LLR_PER_UNIT, ColorTable
 from robocup_vision.perception.floor_color import RING_COLUMNS
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid

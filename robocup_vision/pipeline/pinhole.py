@@ -32,7 +32,7 @@ from robocup_vision.localization.swapped_channels import (
 from robocup_vision.localization.walls import tilt_by_walls, wall_px
 from robocup_vision.perception.balls.ball import Ball
 from robocup_vision.perception.balls.finder import BallFinder, has_patches
-from robocup_vision.perception.balls.look import BallFrame
+from robocup_vision.perception.balls.projection import BallFrame
 from robocup_vision.perception.color_table import LLR_PER_UNIT, Colors, ColorTable
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.free_space import FreeSpace, FreeSpaceGrid

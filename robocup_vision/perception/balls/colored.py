@@ -15,8 +15,7 @@ from robocup_vision.kernels.balls.cut_ball import fit_cut_ball
 from robocup_vision.kernels.balls.evidence import OUTLIER_RATIO, SHAPE_SPAN, find_and_weigh
 from robocup_vision.kernels.balls.upright import count_upright
 from robocup_vision.perception.balls.ball import Sighting
-from robocup_vision.perception.balls.look import BallFrame
-from robocup_vision.perception.balls.projection import BallProjection
+from robocup_vision.perception.balls.projection import BallFrame, BallProjection, Sightings
 from robocup_vision.perception.balls.sizes import BallSizes
 from robocup_vision.perception.color_table import Colors, ColorTable
 from robocup_vision.perception.floor_color import PaintColor
@@ -171,15 +170,15 @@ class ColoredLook:
         self._blobs = np.empty((_MAX_BLOBS, kernel.COLUMNS))
         self._ratios = np.empty(_MAX_BLOBS)
 
-    def sightings(self, seen: BallFrame) -> tuple[list[Sighting], BallProjection | None]:
-        """See `BallLook.sightings`."""
+    def sightings(self, seen: BallFrame) -> Sightings:
+        """Return the sightings of balls in a frame."""
         if not self._has_color or seen.table is None or seen.projection is None:
             return [], None
         self._adopt(seen.table, seen.projection)
         found, self._last_px = self._search(seen, seen.projection.sizes, self._colors, self._last_px)
         return found, seen.projection
 
-    def swapped_sightings(self, seen: BallFrame) -> tuple[list[Sighting], BallProjection | None]:
+    def swapped_sightings(self, seen: BallFrame) -> Sightings:
         """Return sightings of balls with red and blue swapped; as `sightings`, but does not change the state."""
         if not self._has_color or seen.table is None or seen.projection is None:
             return [], None

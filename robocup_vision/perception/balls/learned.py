@@ -10,9 +10,8 @@ import numpy as np
 
 from robocup_vision.arrays import UInt8Array
 from robocup_vision.perception.balls.ball import Sighting
-from robocup_vision.perception.balls.look import BallFrame
 from robocup_vision.perception.balls.network import BallNetwork, BallPlaces, BallSpot, is_near
-from robocup_vision.perception.balls.projection import BallProjection
+from robocup_vision.perception.balls.projection import BallFrame, Sightings
 from robocup_vision.perception.balls.sizes import BallSizes
 
 # greatest number of places to search again
@@ -57,8 +56,8 @@ class LearnedLook:
         # fraction of the whole frame's work that this sweep has done
         self._swept = 0.0
 
-    def sightings(self, seen: BallFrame) -> tuple[list[Sighting], BallProjection | None]:
-        """See `BallLook.sightings`."""
+    def sightings(self, seen: BallFrame) -> Sightings:
+        """Return the sightings of balls in a frame."""
         if seen.projection is None:
             return [], None
         balls = self._look(seen.frame, self._places_of(seen.projection.sizes), self._part_of_work(seen.t_s))

@@ -18,8 +18,12 @@ from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
 from robocup_vision.kernels.balls import patterned as kernel
 from robocup_vision.kernels.balls import patterned_carpet
 from robocup_vision.perception.balls.ball import Sighting, lie_apart
-from robocup_vision.perception.balls.look import BallFrame
-from robocup_vision.perception.balls.projection import BallProjection, PinholeBallProjection
+from robocup_vision.perception.balls.projection import (
+    BallFrame,
+    BallProjection,
+    PinholeBallProjection,
+    Sightings,
+)
 from robocup_vision.perception.balls.sizes import MEASURED_RADIUS_STD
 
 # radii to search, pixels, and the ratio of successive sizes: half a step is within the blur
@@ -92,10 +96,10 @@ class PatternedLook:
         self._kept = np.empty((_MAX_KEPT, kernel.COLUMNS))
 
     def forget(self) -> None:
-        """See `BallLook.forget`: there is no state."""
+        """Forget the previous frames: there is no state."""
 
-    def sightings(self, seen: BallFrame) -> tuple[list[Sighting], BallProjection | None]:
-        """See `BallLook.sightings`; an unknown tilt, and so the places, are estimated from the balls' sizes."""
+    def sightings(self, seen: BallFrame) -> Sightings:
+        """Return the sightings in a frame; an unknown tilt, and so the places, are estimated from the balls' sizes."""
         camera, projection = seen.camera, seen.projection
         assert isinstance(camera, PinholeCamera)
         tilt_std, roll_std = camera.sway_std_rad

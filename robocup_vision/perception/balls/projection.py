@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,8 +15,9 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.floor import free_floor
-from robocup_vision.perception.balls.ball import Ball
+from robocup_vision.perception.balls.ball import Ball, Sighting
 from robocup_vision.perception.balls.sizes import BallSizes
+from robocup_vision.perception.color_table import ColorTable
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import PolarView
 
@@ -245,3 +247,19 @@ def ball_projection(camera: OmniCamera | PinholeCamera, radius_m: float) -> Ball
     if isinstance(camera, OmniCamera):
         return MirrorBallProjection(camera, radius_m)
     return PinholeBallProjection(camera, radius_m)
+
+
+class BallFrame(NamedTuple):
+    """A frame to be searched for balls, with what is known of it."""
+
+    frame: UInt8Array  #: (H, W, 3) uint8, BGR
+    camera: OmniCamera | PinholeCamera  #: as held in the frame; its tilt may be unknown
+    projection: BallProjection | None = None  #: projection of balls; if None a finder makes it, if the tilt is known
+    table: ColorTable | None = None  #: the colours; None if not learnt yet
+    #: mean log-likelihood ratio of the floor near the robot
+    near_floor_nats: float = 0.0
+    t_s: float | None = None  #: when it was taken
+
+
+#: sightings, the most likely first, and the projection to place them by: the frame's, or one estimated from balls
+Sightings = tuple[list[Sighting], BallProjection | None]

@@ -10,7 +10,7 @@ import pytest
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.balls import colored
 from robocup_vision.perception.balls.finder import BallFinder
-from robocup_vision.perception.balls.look import BallFrame
+from robocup_vision.perception.balls.projection import BallFrame
 from robocup_vision.perception.color_table import build_color_table, learn_colors
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision

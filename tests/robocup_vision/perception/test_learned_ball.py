@@ -9,12 +9,11 @@ import pytest
 from ball_patches import is_patch
 
 from field_models import load_field
-from robocup_vision.camera import FisheyeCamera, PinholeCamera
+from robocup_vision.camera import FisheyeCamera
 from robocup_vision.perception.balls.finder import BallFinder
-from robocup_vision.perception.balls.learned import MIN_NATS, SWEEP_S, LearnedLook
-from robocup_vision.perception.balls.look import BallFrame
+from robocup_vision.perception.balls.learned import MIN_NATS, SWEEP_S
 from robocup_vision.perception.balls.network import BallPlaces
-from robocup_vision.perception.balls.projection import PinholeBallProjection
+from robocup_vision.perception.balls.projection import BallFrame, PinholeBallProjection
 from robocup_vision.vision import Vision
 
 FIELD = load_field("msl_18x12")
@@ -60,14 +59,6 @@ def test_a_ball_is_found_and_placed_within_what_it_owns_to(finder, place, color,
     assert ball.log_likelihood_ratio >= MIN_NATS
 
 
-def test_a_narrow_lens_is_looked_through_as_well():
-    narrow = PinholeCamera((480, 360), (462.0, 462.0), (239.5, 179.5), 0.46, pan_rad=0.0, tilt_rad=-0.2, roll_rad=0.0)
-    (ball,) = BallFinder(FIELD, narrow, look=LearnedLook()).find(
-        BallFrame(picture([(1.6, 0.2)], camera=narrow), narrow)
-    )
-    assert math.dist((ball.x_m, ball.y_m), (1.6, 0.2)) < 0.1
-
-
 def test_several_balls_are_told_the_surest_first(finder):
     places = [(0.9, 0.2), (1.6, -0.8), (2.6, 1.0)]
     balls = finder.find(BallFrame(picture(places, YELLOW, YELLOW), HELD))
@@ -110,14 +101,14 @@ def test_a_ball_that_the_pictures_rim_cuts_is_found(finder):
 
 
 def test_a_ball_is_seen_in_every_look_of_a_video_and_soon_after_a_jump(finder):
-    period_s, sweep_s = 1 / 30, SWEEP_S
+    period_s = 1 / 30
     for look, place in enumerate(((1.0, 0.0), (1.0, 0.05), (1.02, 0.1))):
         (ball,) = finder.find(BallFrame(picture([place], YELLOW, YELLOW), HELD, t_s=look * period_s))
         assert math.dist((ball.x_m, ball.y_m), place) < 0.1
     jumped = picture([(1.6, -0.6)], YELLOW, YELLOW)
     found = [
         finder.find(BallFrame(jumped, HELD, t_s=look * period_s))
-        for look in range(3, 4 + math.ceil(sweep_s / period_s))
+        for look in range(3, 4 + math.ceil(SWEEP_S / period_s))
     ]
     ((ball,),) = found[-1:]
     assert math.dist((ball.x_m, ball.y_m), (1.6, -0.6)) < 0.1

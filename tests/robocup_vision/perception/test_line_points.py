@@ -11,7 +11,7 @@ from field_models import ArgumentError, load_field
 from robocup_vision.camera import OmniCamera, Tangent
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.lines.line_map import LineMap
-from robocup_vision.perception.line_points import LineFinder, LinePoints, cell_middles
+from robocup_vision.perception.line_points import LineFinder, LinePoints
 
 FIELD = load_field("msl_6x4")
 POSE = Pose2(-0.7, 0.4, 0.5)
@@ -148,8 +148,3 @@ def test_from_pixels_gives_floor_and_its_derivative(mirror_camera):
     assert not points.floor_m.flags.writeable
     assert len(points.take(np.array([1]))) == 1
     assert math.isclose(points.weight.sum(), 2.0)
-
-
-def test_cells_are_met_in_their_middles():
-    assert cell_middles((7, 3), 0)[1, 4].tolist() == [4.0, 1.0]
-    assert cell_middles((8, 4), 1).tolist() == [[[u, v] for u in (1, 3, 5, 7)] for v in (1, 3)]

@@ -11,9 +11,7 @@ from ball_patches import is_patch
 from field_models import load_field
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.perception.balls.finder import BallFinder
-from robocup_vision.perception.balls.look import BallFrame
-from robocup_vision.perception.balls.patterned import PatternedLook
-from robocup_vision.perception.balls.projection import ball_projection
+from robocup_vision.perception.balls.projection import BallFrame
 from robocup_vision.vision import Vision
 
 FIELD = load_field("spl_2020")
@@ -143,21 +141,6 @@ def test_a_ball_of_twice_the_size_that_its_row_allows_is_none_where_the_tilt_is_
     frame = picture([(1.5, 0.0)])
     assert BallFinder(FIELD, HELD).find(BallFrame(frame, HELD))
     assert not BallFinder(larger, HELD).find(BallFrame(frame, HELD))
-
-
-def test_a_head_that_nods_to_and_fro_works_out_the_balls_sizes_once_a_tilt(monkeypatch):
-    look = PatternedLook(FIELD.ball_radius_m, HELD)
-    nods = [HELD.with_orientation(0.0, tilt, 0.0) for tilt in (-0.2, -0.3)]
-    seen = [BallFrame(picture([]), one, ball_projection(one, FIELD.ball_radius_m)) for one in nods]
-    for frame in seen:
-        look.sightings(frame)
-
-    def refuse(*_):
-        raise AssertionError
-
-    monkeypatch.setattr(PinholeCamera, "ray_to_pixel", refuse)
-    for frame in seen * 2:
-        look.sightings(frame)
 
 
 def test_a_camera_that_looks_up_sees_no_ball(finder):

@@ -62,10 +62,3 @@ def test_what_lies_under_the_mask_reaches_no_valid_sample(paper_camera, directio
     np.testing.assert_array_equal(after[view.valid > 0], before[view.valid > 0])
     # and it takes no more than it must: the strut's own bearing and a few on both sides
     assert 0.95 < view.valid.sum() / PolarView(paper_camera).valid.sum() < 1.0
-
-
-def test_places_cannot_be_written_to(paper_camera):
-    view = PolarView(paper_camera)
-    for array in (view.bearing_rad, view.radius_px, view.pixels, view.floor_m, view.valid):
-        with pytest.raises(ValueError, match="read-only"):
-            array[0] = 0
