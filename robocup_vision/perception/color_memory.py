@@ -25,7 +25,7 @@ from robocup_vision.perception.color_table import (
     follow_colors,
     learn_colors,
 )
-from robocup_vision.perception.floor_color import LEVEL_STEP, LEVELS, RING_COLUMNS
+from robocup_vision.perception.floor_color import LEVEL_STEP, LEVELS
 from robocup_vision.perception.floor_view import FloorView
 from robocup_vision.perception.polar_view import PolarView
 
@@ -34,12 +34,8 @@ _DARKEST = float(LEVELS[0])
 _DRIFT_RATIO = 0.6
 # log-likelihood ratio from which a sample is certainly floor
 _SURE_NATS = 1.0
-# step in bearings of the measurement of light, which varies slowly between them
-_ROW_STRIDE = 4
 # frames between measurements of light: it changes slowly, or so suddenly that the nearest floor is lost
 _LOOK_EVERY = 3
-# quantile of the floor's brightness that measures its sunlit part
-_SUNNY_RATIO = 0.9
 # change of log brightness or of log hue at which colours are learnt again, less than a step of the model
 _MAX_LEVEL, _MAX_CAST = 0.3, 0.08
 # least ratio of the certain floor to that when learnt: with less the light is not determined; and least ratio that new
@@ -132,7 +128,7 @@ class ColorMemory:
         llr : (K, M) int8
             Ratios of the samples by the table in use; filled again if the table changes.
         ring : float
-            Mean of the nearest `RING_COLUMNS` columns.
+            Mean of the ring around the robot.
         """
         assert self._table is not None
         if self._fixed is not None:
@@ -208,16 +204,14 @@ class ColorMemory:
 
     def _light(self, samples: UInt8Array, llr: Int8Array) -> _LightOnFloor:
         sure = int(_SURE_NATS / LLR_PER_UNIT)
-        number, level, red, blue = floor_colors.light_on_floor(
-            samples, llr, sure, _ROW_STRIDE, self._step_of_sum, self._ratios, _SUNNY_RATIO
-        )
-        if not number:
+        ratio, level, red, blue = floor_colors.light_on_floor(samples, llr, sure, self._step_of_sum, self._ratios)
+        if not ratio:
             return _LightOnFloor(0.0, 0.0, (0.0, 0.0))
-        return _LightOnFloor(number * _ROW_STRIDE / llr.size, _DARKEST + level * LEVEL_STEP, (red, blue))
+        return _LightOnFloor(ratio, _DARKEST + level * LEVEL_STEP, (red, blue))
 
 
 def _look_up(samples: UInt8Array, view: PolarView | FloorView, table: ColorTable, llr: Int8Array) -> float:
-    return float(polar.classify(samples, table.packing, table.floor_llr, view.valid, RING_COLUMNS, llr))
+    return float(polar.classify(samples, table.packing, table.floor_llr, view.valid, llr))
 
 
 def _is_same_floor(new: Colors, old: Colors, tolerance: float) -> bool:

@@ -258,7 +258,8 @@ class ColorTable:
     @cached_property
     def classes(self) -> UInt8Array:
         """(65536,) uint8: class of each packed colour, an index into `CLASS_NAMES`."""
-        blue, green, red = (np.maximum(channel, 0.5) for channel in _packed_colors(self.packing))
+        channels = np.meshgrid(*_bin_colors(self.packing), indexing="ij")
+        blue, green, red = (np.maximum(channel.ravel(), 0.5) for channel in channels)
         level = brightness_of(blue, green, red)
         ratio = np.stack([np.log(red / green), np.log(blue / green)], axis=-1)
         paints = (self.colors.line, self.colors.ball, self.colors.goal_positive_x, self.colors.goal_negative_x)
@@ -298,11 +299,6 @@ def build_color_table(colors: Colors) -> ColorTable:
     of_floor, of_white = floor.densities(colors.line)
     kernel.tabulate(blue, green, red, of_floor, of_white, LLR_CLIP, LLR_PER_UNIT, llr)
     return ColorTable(colors, packing, llr)
-
-
-def _packed_colors(packing: UInt16Array) -> tuple[FloatArray, FloatArray, FloatArray]:
-    blue, green, red = np.meshgrid(*_bin_colors(packing), indexing="ij")
-    return blue.ravel(), green.ravel(), red.ravel()
 
 
 def _bin_colors(packing: UInt16Array) -> list[FloatArray]:

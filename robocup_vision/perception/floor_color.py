@@ -17,9 +17,8 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.kernels.floor import colors as kernel
 from robocup_vision.kernels.floor.common_tone import greenest_common_tone
+from robocup_vision.kernels.floor.polar import RING_COLUMNS
 
-# columns of the ring around the robot
-RING_COLUMNS = 10
 # log brightness relative to the ring, from a deep shadow to a highlight; colour files have a value for each
 LEVEL_STEP = 0.25
 LEVELS = np.arange(-7, 6) * LEVEL_STEP
@@ -210,16 +209,9 @@ def brightness_of(blue: FloatArray, green: FloatArray, red: FloatArray) -> Float
 def _purer(white: PaintColor, red_ratio: FloatArray, blue_ratio: FloatArray, inverse: FloatArray) -> FloatArray:
     """Return (2, ...) weights of R and B minus the floor's that give the distance towards a purer floor colour.
 
-    The distance is in standard deviations. Reflections, stray light and haze add white to the carpet's colour by
-    varying amounts. With less of it than where the colour was learnt, floor is farther from white in the same
-    direction.
-
-    Parameters
-    ----------
-    red_ratio, blue_ratio : (...) float64
-        Ratios of the floor's learnt colour.
-    inverse : (3, ...) float64
-        Inverse covariance of R and B: red, mixed, blue.
+    The distance is in standard deviations, and `inverse` (3, ...) the inverse covariance of R and B: red, mixed, blue.
+    Reflections, stray light and haze add white to the carpet's colour by varying amounts. With less of it than where
+    the colour was learnt, floor is farther from white in the same direction.
     """
     red, blue = red_ratio - white.red_ratio, blue_ratio - white.blue_ratio
     weighed = np.stack([inverse[0] * red + inverse[1] * blue, inverse[1] * red + inverse[2] * blue])

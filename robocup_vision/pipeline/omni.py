@@ -22,7 +22,6 @@ from robocup_vision.localization.swapped_channels import MIN_DISTANCE
 from robocup_vision.perception.balls.finder import BallFinder
 from robocup_vision.perception.balls.projection import BallFrame, MirrorBallProjection
 from robocup_vision.perception.color_table import LLR_PER_UNIT, ColorTable
-from robocup_vision.perception.floor_color import RING_COLUMNS
 from robocup_vision.perception.free_space import FloorMarking, FreeSpace, FreeSpaceGrid
 from robocup_vision.perception.hues import thumbnail_of
 from robocup_vision.perception.markings.finder import MarkingSource
@@ -207,7 +206,6 @@ class OmniPipeline(FramePipeline):
             view.places,
             table.packing,
             table.floor_llr,
-            RING_COLUMNS,
             self._outline_rules,
             self.edge_settings.min_contrast * table.colors.floor.noise,
             self._samples,

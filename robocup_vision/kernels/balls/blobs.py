@@ -134,22 +134,16 @@ def find_blobs(
     size: BallSize,
     out: FloatArray,
 ) -> tuple[int, int]:
-    """Find blobs that may be balls.
+    """Write at most M blobs that may be balls into `out` (M, COLUMNS).
 
     Parameters
     ----------
-    frame : (H, W, 3) uint8
-        BGR.
     seeds : (N, 2) int32
         Pixels (v, u), so dense that a ball covers at least one wherever it is.
     scratch : Scratch
         Used and changed.
     first_stamp : int
         Greater than any stamp of the frame before.
-    color, size
-        Appearance of a ball.
-    out : (M, COLUMNS) float64
-        Filled with at most M blobs.
 
     Returns
     -------

@@ -98,19 +98,7 @@ def weigh_blobs(
     table: FloorTable,
     out: FloatArray,
 ) -> None:
-    """Compute the log-likelihood ratio of each blob.
-
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-        BGR.
-    blobs : (N, COLUMNS) float64
-        As `find_blobs` fills them.
-    color, size, table
-        Appearance of a ball and of the floor.
-    out : (N,) float64
-        Filled with the log-likelihood ratios, nats.
-    """
+    """Write the log-likelihood ratio (N,) of each blob (N, COLUMNS), nats."""
     rim = np.empty(_AROUND)
     for n in range(blobs.shape[0]):
         blob = blobs[n]

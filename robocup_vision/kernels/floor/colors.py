@@ -14,6 +14,10 @@ from robocup_vision.compiling.loops import compiled
 RED, BLUE, RED_RED, RED_BLUE, BLUE_BLUE, PEAK, PURER_RED, PURER_BLUE = range(8)
 # steps of brightness in one count
 FINE = 8.0
+# step in bearings of the measurement of light, which varies slowly between them
+_ROW_STRIDE = 4
+# quantile of the floor's brightness that measures its sunlit part
+_SUNNY_RATIO = 0.9
 
 
 @compiled(inline="always")
@@ -86,11 +90,9 @@ def light_on_floor(
     samples: UInt8Array,
     llr: Int8Array,
     sure: int,
-    row_stride: int,
     step_of_sum: UInt8Array,
     ratios: FloatArray,
-    sunny_ratio: float,
-) -> tuple[int, float, float, float]:
+) -> tuple[float, float, float, float]:
     """Measure brightness and hue of the samples that are certainly floor.
 
     Parameters
@@ -100,26 +102,22 @@ def light_on_floor(
         The floor's log-likelihood ratio, 0 where not valid.
     sure : int
         Least ratio of a sample that is used.
-    row_stride : int
-        Step between the rows that are used.
     step_of_sum : (1021,) uint8
         Brightness step of each R + 2 G + B.
     ratios : (2, L) float64
         Expected R/G and B/G of the floor at each step of brightness.
-    sunny_ratio : float
-        Ratio of the floor that is darker than its sunlit part.
 
     Returns
     -------
     tuple
-        Number of samples; brightness of the sunlit part, in steps, 0 at the middle of the first step; differences of
-        log(R/G) and log(B/G) from those expected.
+        Ratio of the samples that are certainly floor; brightness of the sunlit part, in steps, 0 at the middle of the
+        first step; differences of log(R/G) and log(B/G) from those expected.
     """
     steps = ratios.shape[1]
     counts = np.zeros(steps, np.int64)
     number, red, blue, expected_red, expected_blue = 0, 0.0, 0.0, 0.0, 0.0
     rows, columns = llr.shape
-    for k in range(0, rows, row_stride):
+    for k in range(0, rows, _ROW_STRIDE):
         for m in range(columns):
             if llr[k, m] >= sure:
                 b, g, r = samples[k, m, 0], samples[k, m, 1], samples[k, m, 2]
@@ -131,8 +129,8 @@ def light_on_floor(
                 expected_red += ratios[0, step] * g
                 expected_blue += ratios[1, step] * g
     if number == 0:
-        return 0, 0.0, 0.0, 0.0
-    wanted, darker, level = sunny_ratio * number, 0, steps - 0.5
+        return 0.0, 0.0, 0.0, 0.0
+    wanted, darker, level = _SUNNY_RATIO * number, 0, steps - 0.5
     for step in range(steps):
         if darker + counts[step] > wanted:
             # the darkest step is open-ended, so nothing is interpolated in it
@@ -140,4 +138,5 @@ def light_on_floor(
             break
         darker += counts[step]
     red_cast = math.log(max(red, 1.0) / max(expected_red, 1.0))
-    return number, level, red_cast, math.log(max(blue, 1.0) / max(expected_blue, 1.0))
+    blue_cast = math.log(max(blue, 1.0) / max(expected_blue, 1.0))
+    return number * _ROW_STRIDE / llr.size, level, red_cast, blue_cast

@@ -2,6 +2,9 @@
 
 A mixture of floor and black has the floor's hue, so that by colour the floor seems to extend too far under black
 objects. The foot is where brightness is half-way between the floor in front and the object behind.
+
+The loops take `samples` (K, M, 3) uint8, their colours; `valid` (K, M) uint8, non-zero for samples that may be used;
+`marks` (K, M) uint8 of `free_floor`, which they change; and the number of columns below the horizon.
 """
 
 from __future__ import annotations
@@ -40,19 +43,7 @@ def _half_way(samples: UInt8Array, valid: UInt8Array, k: int, last: int) -> floa
 
 @compiled
 def block_dark_feet(samples: UInt8Array, valid: UInt8Array, columns_in_use: int, marks: UInt8Array) -> None:
-    """Block the floor samples in front of blocked ones that show less than half floor.
-
-    Parameters
-    ----------
-    samples : (K, M, 3) uint8
-        Colours.
-    valid : (K, M) uint8
-        Non-zero for samples that may be used.
-    columns_in_use : int
-        Columns below the horizon.
-    marks : (K, M) uint8
-        Marks of the samples, in which FLOOR is changed to BLOCKED.
-    """
+    """Block the floor samples in front of blocked ones that show less than half floor."""
     columns, words = marks.shape[1], (columns_in_use + 7) // 8
     begins = np.zeros(8 * words, np.bool_)
     eights = begins.view(np.uint64)
@@ -80,21 +71,10 @@ def block_dark_feet(samples: UInt8Array, valid: UInt8Array, columns_in_use: int,
 
 @compiled
 def block_dark_bodies(samples: UInt8Array, valid: UInt8Array, columns_in_use: int, marks: UInt8Array) -> None:
-    """Block dark stretches of the floor's hue that lead to something blocked.
+    """Block dark stretches of the floor's hue, and lines in them, that lead to something blocked.
 
     A black body on a green carpet reflects it and looks like floor in a deep shadow. But a shadow ends at lit floor,
     whereas a body's foot is followed by the rest of it or the horizon.
-
-    Parameters
-    ----------
-    samples : (K, M, 3) uint8
-        Colours.
-    valid : (K, M) uint8
-        Non-zero for samples that may be used.
-    columns_in_use : int
-        Columns below the horizon.
-    marks : (K, M) uint8
-        Marks of the samples, in which FLOOR and LINE are changed to BLOCKED.
     """
     for k in range(len(marks)):
         row = marks[k]
@@ -139,16 +119,10 @@ def foot_px(
 
     Parameters
     ----------
-    samples : (K, M, 3) uint8
-        Colours.
-    valid : (K, M) uint8
-        Non-zero for samples that may be used.
     columns : (K,) int64
         Outermost sample of floor by colour; -1 if there is none.
-    radius_px : (M,) float64
-        Image radius of the columns.
-    step_px : float
-        Distance between columns.
+    radius_px, step_px : (M,) float64, float
+        Image radius of the columns, and the distance between them.
     out : (K,) float64
         Filled with the foot's image radius: half a step behind the sample, or nearer if a dark object follows.
     """

@@ -60,7 +60,6 @@ def read_floor(
     places: Int32Array,
     packing: UInt16Array,
     floor_llr: Int8Array,
-    ring_columns: int,
     rules: OutlineRules,
     min_contrast: float,
     samples: UInt8Array,
@@ -69,65 +68,31 @@ def read_floor(
     edge_px: FloatArray,
     marks: UInt8Array,
 ) -> tuple[float, int]:
-    """Unroll a frame, classify its samples, and find the floor by `outline_floor`.
+    """Unroll a frame, find the outermost floor of each bearing and its edge, and mark what can be driven over.
 
     Parameters
     ----------
     frame, places
         As in `unroll`.
-    packing, floor_llr, ring_columns
+    packing, floor_llr
         As in `classify`.
-    rules, min_contrast
-        As in `outline_floor`.
-    samples, llr : (K, M, 3) uint8, (K, M) int8
-        Filled by `unroll` and `classify`.
-    outermost, edge_px, marks
-        Filled by `outline_floor`.
-
-    Returns
-    -------
-    (float, int)
-        Results of `classify` and `outline_floor`.
-    """
-    rules = OutlineRules(*rules)
-    unroll(frame, places, samples)
-    ring = classify(samples, packing, floor_llr, rules.valid, ring_columns, llr)
-    return ring, outline_floor(frame, samples, llr, rules, min_contrast, outermost, edge_px, marks)
-
-
-@compiled(inline="always")
-def outline_floor(
-    frame: UInt8Array,
-    samples: UInt8Array,
-    llr: Int8Array,
-    rules: OutlineRules,
-    min_contrast: float,
-    outermost: Int64Array,
-    edge_px: FloatArray,
-    marks: UInt8Array,
-) -> int:
-    """Find the outermost floor of each bearing and its edge, and mark what can be driven over.
-
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-        BGR.
-    samples : (K, M, 3) uint8
-        The unrolled frame.
-    llr : (K, M) int8
-        The floor's log-likelihood ratios of the samples.
     rules : OutlineRules
-        Rules of the camera.
+        Rules of the camera; may be a plain tuple.
     min_contrast : float
         Smallest colour difference (counts) that is an edge.
+    samples, llr : (K, M, 3) uint8, (K, M) int8
+        Filled by `unroll` and `classify`.
     outermost, edge_px, marks : (K,) int64, (K,) float64, (K, M) uint8
         Filled by `outer_boundary`, `radial_edges` and `passable`.
 
     Returns
     -------
-    int
-        Sum of the likelihood ratios in the nearest third of the columns.
+    (float, int)
+        Result of `classify`, and the sum of the likelihood ratios in the nearest third of the columns.
     """
+    rules = OutlineRules(*rules)
+    unroll(frame, places, samples)
+    ring = classify(samples, packing, floor_llr, rules.valid, llr)
     outer_boundary(llr, rules.valid, rules.certain, rules.gap, rules.min_strip, outermost)
     start_px = np.full(outermost.shape[0], np.nan)
     for k in range(outermost.shape[0]):
@@ -139,4 +104,4 @@ def outline_floor(
     is_ring = variable(1) > 0
     widest = rules.line_columns, rules.line_rows
     passable(samples, llr, rules.valid, widest[0], widest[1], rules.columns_in_use, is_ring, outermost, marks)
-    return sum_near(llr, llr.shape[1] // 3)
+    return ring, sum_near(llr, llr.shape[1] // 3)

@@ -14,6 +14,8 @@ from robocup_vision.arrays import (
 )
 from robocup_vision.compiling.loops import compiled
 
+# columns of the ring around the robot, which most probably shows floor
+RING_COLUMNS = 10
 B1, B2 = np.uint64(1), np.uint64(2)
 
 
@@ -23,7 +25,6 @@ def classify(
     packing: UInt16Array,
     floor_llr: Int8Array,
     valid: UInt8Array,
-    ring_columns: int,
     out: Int8Array,
 ) -> float:
     """Look up samples in a colour table.
@@ -34,15 +35,13 @@ def classify(
     packing, floor_llr
         The colour table.
     valid : (K, M) uint8
-    ring_columns : int
-        Number of innermost columns whose mean is returned.
     out : (K, M) int8
         Filled with the floor's log-likelihood ratios; 0 where not valid.
 
     Returns
     -------
     float
-        Mean ratio over the innermost columns.
+        Mean ratio over the ring around the robot.
     """
     rows, columns = valid.shape
     ring, count = 0, 0
@@ -53,7 +52,7 @@ def classify(
         # a loop of its own, because the look-ups wait for memory
         for m in range(columns):
             out[k, m] = out[k, m] if valid[k, m] else np.int8(0)
-        for m in range(ring_columns):
+        for m in range(RING_COLUMNS):
             ring += out[k, m]
             count += valid[k, m]
     return ring / max(count, 1)

@@ -351,18 +351,10 @@ def _shift_to_middle(
 
 @compiled(error_model="numpy")
 def _fit_steps(signal: Int32Array, offset: FloatArray, base: FloatArray, rise: FloatArray, shift: Float32Array) -> None:
-    """Fit a smooth step to the samples (3, EDGE_SAMPLES, N) of three lines of sight; writes its shift, pixels.
+    """Fit a smooth step to the samples (3, EDGE_SAMPLES, N) of three lines of sight; writes its shift (N,), pixels.
 
-    Parameters
-    ----------
-    signal : (3, EDGE_SAMPLES, N) int32
-        The third line of sight is the bearing itself.
-    offset : (N,) float64
-        Offset of the bearing's own samples from the edge, pixels.
-    base, rise : (N,) float64
-        Signal inside, and its increase to the outside.
-    shift : (N,) float32
-        Filled.
+    The third line of sight is the bearing itself, whose samples are off the edge by `offset` (N,), pixels. `base` and
+    `rise` (N,) are the signal inside and its increase to the outside.
     """
     count = shift.shape[0]
     first, per_rise = np.zeros((2, count), np.float32), np.empty(count, np.float32)

@@ -2,6 +2,10 @@
 
 An object's foot on a bearing is the first blocked sample. A column is a step of the samples along a bearing; the floor
 distance between two columns is the error of a range.
+
+The loops take `columns` (K,) int64, the columns of the feet, M or more where there is none; `range_m` or `column_m`
+(M,) float64, the range of each column from the camera's foot; `columns_in_use`, the end of the columns that show floor;
+`step_rad`, the angle between bearings; and `is_ring`, whether the last bearing is adjacent to the first.
 """
 
 from __future__ import annotations
@@ -86,16 +90,12 @@ def blocked_feet(
         Marks of the samples.
     shown : (K, M) uint8
         Zero for samples that are not used.
-    range_m : (M,) float64
-        Range of each column.
-    first_column, columns_in_use : int
-        First column to use, and end of the columns.
-    eye_m : float
-        Height of the viewpoint.
-    height_m : float
-        Least height of an object.
+    first_column : int
+        First column to use.
+    eye_m, height_m : float
+        Height of the viewpoint, and least height of an object.
     out : (K,) int64
-        Filled with the column; without an object M plus the last column that is shown.
+        Filled with the columns; without an object M plus the last column that is shown.
     """
     bearings, columns = marks.shape
     beyond = np.full(columns, columns_in_use)
@@ -137,22 +137,7 @@ def drop_narrow(
     """Move feet of narrow objects back to where the blocked floor is wide enough; in place.
 
     This removes specks, thin posts and paint. It is a morphological opening of nearness over the bearings, by a width
-    that is the same on the floor at every range, and at least two bearings.
-
-    Parameters
-    ----------
-    columns : (K,) int64
-        Columns of the feet; M or more if there is none.
-    range_m : (M,) float64
-        Range of each column.
-    columns_in_use : int
-        End of the columns.
-    width_m : float
-        Least width on the floor, across the bearings.
-    step_rad : float
-        Angle between bearings.
-    is_ring : bool
-        Whether the last bearing is adjacent to the first.
+    on the floor, metres, that is the same at every range, and at least two bearings.
     """
     count, none = len(columns), len(range_m)
     before, order = columns.copy(), np.argsort(columns)
@@ -197,16 +182,12 @@ def is_of_field(
 
     Parameters
     ----------
-    x_m, y_m : float
-        The foot, robot frame.
-    error_m : float
-        Its greatest error along its bearing.
+    x_m, y_m, error_m : float
+        The foot, robot frame, and its greatest error along its bearing.
     offset_m : (float, float)
         The camera's position in the robot frame.
     robot : (float, float, float)
         x, y, heading of the robot, field frame.
-    field : FieldFeet
-        Feet of the field's own walls and goals.
     """
     if not math.isfinite(error_m):
         return True
@@ -313,29 +294,15 @@ def find_things(
 
     Parameters
     ----------
-    columns : (K,) int64
-        Columns of the feet, as `blocked_feet` writes them.
     places_m : (K, 2) float64
         The feet, robot frame.
-    column_m : (M,) float64
-        Range of the columns from the camera's foot; a foot's error is the distance to the next column.
-    columns_in_use : int
-        End of the columns that show floor.
     radius_m : float
         Radius of a robot. Objects must be at least that wide. Feet are not used where the error of a range is larger
         than twice this.
-    step_rad : float
-        Angle between bearings.
-    is_ring : bool
-        Whether the last bearing is adjacent to the first.
-    offset_m : (float, float)
-        The camera's position in the robot frame.
-    robot : (float, float, float)
-        x, y, heading of the robot, field frame.
+    offset_m, robot, field
+        As in `is_of_field`.
     covariance : (3, 3) float64
-        Covariance of that pose; (0, 0) if no pose is known.
-    field : FieldFeet
-        Feet of the field's own walls and goals.
+        Covariance of the robot's pose; (0, 0) if no pose is known.
     out : (K, 6) float64
         Filled with x and y of each object's middle, its width, bearing and range of its middle, and the step between
         samples at its nearest foot.

@@ -212,12 +212,7 @@ class ColoredLook:
     ) -> tuple[list[Sighting], list[tuple[float, float, float]]]:
         """Return the balls of a colour, the most likely first, and their places and sizes in the picture.
 
-        Parameters
-        ----------
-        colors : tuple of BallColor
-            The ball's colour for several positions at which it begins.
-        before : list of (float, float, float)
-            Places and sizes of balls in the last frame.
+        `colors` has the colour for each position at which it begins, and `before` the last frame's places and sizes.
         """
         count = 0
         for color in colors:

@@ -16,7 +16,6 @@ import numpy as np
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera.pinhole import PinholeCamera, camera_rotation
 from robocup_vision.kernels.balls import patterned as kernel
-from robocup_vision.kernels.balls import patterned_carpet
 from robocup_vision.perception.balls.ball import Sighting, lie_apart
 from robocup_vision.perception.balls.projection import (
     BallFrame,
@@ -90,7 +89,7 @@ class PatternedLook:
         self._radii_px = _MIN_RADIUS_PX * _RADIUS_STEP ** np.arange(int(count) + 1, dtype=np.float64)
         self._blurred = np.empty((height, width, 3), dtype=np.uint8)
         self._levels, self._kinds = np.empty((2, height, width), dtype=np.uint8)
-        looked_at = -(-height // patterned_carpet.STRIDE) * -(-width // patterned_carpet.STRIDE)
+        looked_at = -(-height // kernel.STRIDE) * -(-width // kernel.STRIDE)
         self._scratch = np.empty((4, looked_at + 1))
         self._found = np.empty((_MAX_DISCS, kernel.COLUMNS))
         self._kept = np.empty((_MAX_KEPT, kernel.COLUMNS))
@@ -150,17 +149,15 @@ class PatternedLook:
         first = min(top, half)
         blurred, levels = self._blurred, self._levels
         cv2.blur(frame[first:], (3, 3), dst=blurred[first:])
-        ratio, quarter, hue, three_quarters, green, level = patterned_carpet.measure_carpet(
-            blurred, half, self._scratch
-        )
+        ratio, quarter, hue, three_quarters, green, level = kernel.measure_carpet(blurred, half, self._scratch)
         has_carpet = ratio >= _MIN_CARPET_RATIO and three_quarters - quarter <= _MAX_HUE_RANGE
         if top == frame.shape[0] or not has_carpet:
             return []
         kinds = self._kinds
         # thresholds half-way from white to the carpet
-        patterned_carpet.classify(blurred, top, 0.5 * hue, 0.5 * green, _MIN_CARPET_LEVEL * level, levels, kinds)
+        kernel.classify(blurred, top, 0.5 * hue, 0.5 * green, _MIN_CARPET_LEVEL * level, levels, kinds)
         if self._mask is not None:
-            kinds[self._mask > 0] = patterned_carpet.COLORED
+            kinds[self._mask > 0] = kernel.COLORED
         found = self._found[: kernel.find_discs(kinds, self._radii_px, row_radii, self._found)]
         count = kernel.best_discs(kinds, levels, found, self._kept)
         kept = self._kept[:count]
@@ -185,7 +182,7 @@ class PatternedLook:
         if projection is None:
             return np.tile((0.0, math.inf), (height, 1)), 0
         bounds = projection.sizes.row_radii_px
-        reach = np.arange(height) - patterned_carpet.BEYOND * bounds[:, 1]
+        reach = np.arange(height) - kernel.BEYOND * bounds[:, 1]
         reached = reach[bounds[:, 1] >= _MIN_RADIUS_PX]
         # clipped at the frame's upper border
         return bounds, int(max(reached.min(initial=height), 0.0))

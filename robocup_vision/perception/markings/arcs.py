@@ -192,26 +192,12 @@ def _middles(
     radius_m: float,
     line_width_m: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return points on the middle of a circle's line, their shifts and their errors, given the approximate circle.
+    """Return points (P, 2) on the middle of a circle's line, their shifts (P, 2, K) and errors (P,), pixels.
 
-    Parameters
-    ----------
-    pixels, per_px : (P, 2) float64, (P, 2, 2) float64
-        The points, see `LinePoints`.
-    errors : FloorErrors
-        Errors relative to the camera's initial attitude.
-    state : (2 + K,) float64
-        Centre, and errors of the attitude.
-    radius_m, line_width_m : float
-        Radius of the circle and width of its line.
-
-    Returns
-    -------
-    (P, 2), (P, 2, K), (P,) float64
-        Places and their shifts, linearised at the attitude of `state`, because the shifts of far places depend on the
-        tilt. Then errors, pixels: a line is crossed along one of four axes of the picture, and between the edges of a
-        curved line the middle of the crossing is displaced inwards by half**2 tan(angle)**2 / (2 r), where half is half
-        its width and r its radius of curvature in the picture.
+    `state` (2 + K,) holds the approximate centre and errors of the attitude, at which the shifts are linearised,
+    because those of far places depend on the tilt. A line is crossed along one of four axes of the picture, and between
+    the edges of a curved line the middle of the crossing is displaced inwards by half**2 tan(angle)**2 / (2 r), where
+    half is half its width and r its radius of curvature in the picture.
     """
     fitted = errors.moved(state[2:])
     camera, shifts = fitted.camera, fitted.shifts_m(pixels)

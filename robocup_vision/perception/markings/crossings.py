@@ -11,7 +11,7 @@ import numpy as np
 from robocup_vision.arrays import BoolArray, FloatArray, UInt8Array
 from robocup_vision.perception.line_points import LinePoints
 from robocup_vision.perception.markings.correlated_errors import FloorErrors
-from robocup_vision.perception.markings.marking import GATE_SIGMAS, MAX_STD_M, Crossing, CrossingKind
+from robocup_vision.perception.markings.marking import GATE_SIGMAS, KINDS, MAX_STD_M, Crossing, CrossingKind
 from robocup_vision.perception.markings.straight import Straight, is_bare, marked_at
 
 # an arm is sampled from this distance to the crossing's centre (line widths, pixels) to a multiple of it
@@ -134,8 +134,5 @@ def _arms(
     of_one, of_two = goes_on[:2], goes_on[2:]
     if not of_one.any() or not of_two.any():
         return None
-    kind: CrossingKind | None = None
-    if known.all():
-        kinds: dict[int, CrossingKind] = {2: "L", 3: "T", 4: "X"}
-        kind = kinds[int(goes_on.sum())]
+    kind = KINDS[int(goes_on.sum())] if known.all() else None
     return kind, tuple(math.atan2(y, x) for x, y in ways[goes_on].tolist())

@@ -13,9 +13,9 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.perception.markings.marking import (
     GATE_SIGMAS,
+    KINDS,
     Circle,
     Crossing,
-    CrossingKind,
     LineSegment,
     Markings,
     PenaltyMark,
@@ -24,7 +24,6 @@ from robocup_vision.perception.markings.marking import (
 )
 
 _SAME_M = 1e-6
-_KINDS: dict[int, CrossingKind] = {2: "L", 3: "T", 4: "X"}
 # greatest overhang of a measured stretch beyond its line, because corners are wide
 _BEYOND_M = 0.2
 
@@ -50,7 +49,7 @@ class FieldFeatures:
         for place in _meetings(field.lines):
             arms = sum(_has_arm(field.lines, place, way) for way in ((1, 0), (-1, 0), (0, 1), (0, -1)))
             places.append(place)
-            kinds.append(_KINDS[arms])
+            kinds.append(KINDS[arms])
         self.crossings_m, self.kinds = read_only(np.array(places).reshape(-1, 2)), tuple(kinds)
         posts = [
             (goal.line_x_m, side * goal.width_m / 2) for goal in field.goals if goal.kind == "posts" for side in (1, -1)

@@ -20,6 +20,8 @@ MAX_STD_M = 0.5
 GATE_SIGMAS = 3.0
 
 CrossingKind = Literal["L", "T", "X"]
+# by the number of arms
+KINDS: dict[int, CrossingKind] = {2: "L", 3: "T", 4: "X"}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

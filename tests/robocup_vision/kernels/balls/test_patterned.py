@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robocup_vision.kernels.balls import patterned as kernel
-from robocup_vision.kernels.balls.patterned_carpet import CARPET, NEUTRAL
+from robocup_vision.kernels.balls.patterned import CARPET, NEUTRAL
 
 HEIGHT, WIDTH = 48, 64
 ANY = np.tile((0.0, np.inf), (HEIGHT, 1))
