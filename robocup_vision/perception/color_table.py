@@ -106,10 +106,7 @@ class Colors:
 
 
 def learn_colors(
-    samples: UInt8Array,
-    valid: UInt8Array,
-    field: Field,
-    strongest_cast: float = math.inf,
+    samples: UInt8Array, valid: UInt8Array, field: Field, strongest_cast: float = math.inf
 ) -> Colors | None:
     """Learn a frame's colours from its unrolled, slightly blurred samples.
 

@@ -153,11 +153,7 @@ def learn_floor_color(samples: UInt8Array, valid: UInt8Array) -> FloorColor | No
 
 
 def follow_floor_color(
-    samples: UInt8Array,
-    valid: UInt8Array,
-    is_floor: npt.NDArray[np.bool_],
-    before: FloorColor,
-    lift: float,
+    samples: UInt8Array, valid: UInt8Array, is_floor: npt.NDArray[np.bool_], before: FloorColor, lift: float
 ) -> FloorColor | None:
     """Estimate the floor's colour again under changed light, from samples that are still known to be floor.
 
@@ -243,11 +239,7 @@ def _mode(log_red: FloatArray, log_blue: FloatArray, weight: FloatArray) -> tupl
 
 
 def _follow(
-    samples: UInt8Array,
-    valid: UInt8Array,
-    level0: float,
-    noise: float,
-    ratios: tuple[float, float],
+    samples: UInt8Array, valid: UInt8Array, level0: float, noise: float, ratios: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Track the ratios R/G and B/G over brightness; returns both curves (L,) and their spread (2,)."""
     red0, blue0 = ratios

@@ -212,11 +212,7 @@ def mask_runs(mask: UInt8Array, row_step: int) -> tuple[FloatArray, FloatArray, 
 
 
 def strips(
-    runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    row_step: int,
-    carpet: UInt8Array,
-    *,
-    certain: bool,
+    runs: tuple[FloatArray, FloatArray, FloatArray, FloatArray], row_step: int, carpet: UInt8Array, *, certain: bool
 ) -> list[Strip]:
     """Link runs into upright strips, join the pieces of one post and find where each stands on the carpet.
 

@@ -138,11 +138,7 @@ class LineFinder:
     """
 
     def __init__(
-        self,
-        camera: FloorCamera,
-        line_width_m: float,
-        mask: npt.NDArray[np.generic] | None = None,
-        cell_bits: int = 0,
+        self, camera: FloorCamera, line_width_m: float, mask: npt.NDArray[np.generic] | None = None, cell_bits: int = 0
     ) -> None:
         self.camera, self._cell_bits = camera, cell_bits
         width, height = camera.size_px

@@ -77,11 +77,7 @@ class Straight:
 
 
 def find_straight(
-    points: LinePoints,
-    pieces: LinePieces,
-    camera: FloorCamera,
-    line_width_m: float,
-    radii_m: FloatArray,
+    points: LinePoints, pieces: LinePieces, camera: FloorCamera, line_width_m: float, radii_m: FloatArray
 ) -> tuple[list[Straight], BoolArray, BoolArray]:
     """Return the straight stretches of line, the one with most points first, and the points and pieces left for arcs.
 
@@ -204,12 +200,7 @@ def _near(points: LinePoints, angle_rad: float, distance_m: float, which: Int64A
 
 
 def _stretches(
-    points: LinePoints,
-    pieces: LinePieces,
-    members: BoolArray,
-    free: BoolArray,
-    camera: FloorCamera,
-    slack_m: float,
+    points: LinePoints, pieces: LinePieces, members: BoolArray, free: BoolArray, camera: FloorCamera, slack_m: float
 ) -> list[Straight]:
     """Return the stretches of a proposed line, divided only where there is bare carpet between them."""
     places = pieces.floor_m[members]
@@ -242,11 +233,7 @@ def stretch_of(points: LinePoints, which: Int64Array, angle_rad: float) -> Strai
 
 
 def _runs(
-    points: LinePoints,
-    which: Int64Array,
-    angle_rad: float,
-    distance_m: float,
-    camera: FloorCamera,
+    points: LinePoints, which: Int64Array, angle_rad: float, distance_m: float, camera: FloorCamera
 ) -> list[Int64Array]:
     """Divide the points of a line where bare carpet lies between them."""
     normal, along = _axes(angle_rad)

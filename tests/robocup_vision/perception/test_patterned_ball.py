@@ -136,12 +136,5 @@ def test_a_ball_is_found_where_the_body_nods_by_two_standard_deviations(finder, 
     assert math.hypot(ball.u_px - seen[0], ball.v_px - seen[1]) < 4
 
 
-def test_a_ball_of_twice_the_size_that_its_row_allows_is_none_where_the_tilt_is_known():
-    larger = dataclasses.replace(FIELD, ball_radius_m=2.2 * FIELD.ball_radius_m)
-    frame = picture([(1.5, 0.0)])
-    assert BallFinder(FIELD, HELD).find(BallFrame(frame, HELD))
-    assert not BallFinder(larger, HELD).find(BallFrame(frame, HELD))
-
-
 def test_a_camera_that_looks_up_sees_no_ball(finder):
     assert finder.find(BallFrame(picture([(1.5, 0.0)]), dataclasses.replace(HELD, tilt_rad=1.0))) == ()

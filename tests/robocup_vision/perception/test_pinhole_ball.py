@@ -28,7 +28,6 @@ STEP = 1e-5
 
 
 def placed(camera, pixel, sway_std_rad=None):
-
     return PROJECTION.held(camera, sway_std_rad).place(*pixel, 0.3, 0.0)
 
 

@@ -20,15 +20,6 @@ def ball(kinds, level, u0, v0, radius):
     level[inside & (np.hypot(u - u0 + 2, v - v0 + 2) < 0.45 * radius)] = 20
 
 
-def test_a_rim_that_is_blurred_by_a_pixel_parts_ball_from_carpet():
-    kinds = np.zeros((HEIGHT, WIDTH), np.uint8)
-    v, u = np.mgrid[:HEIGHT, :WIDTH]
-    kinds[np.hypot(u - 30, v - 22) < 10.4] = NEUTRAL
-    agree, shown, inside = kernel.measure_disc(kinds, 30.0, 22.0, 9.0)
-    assert agree == shown == kernel.DIRECTIONS
-    assert inside == 1.0
-
-
 def test_a_ball_whose_underside_is_as_green_as_the_carpet_keeps_its_place_and_size():
     kinds, level = np.zeros((HEIGHT, WIDTH), np.uint8), np.full((HEIGHT, WIDTH), 110, np.uint8)
     ball(kinds, level, 30, 22, 9)
