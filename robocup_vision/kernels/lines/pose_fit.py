@@ -54,7 +54,7 @@ class PointRows(NamedTuple):
 
 
 class PointFitRules(NamedTuple):
-    """Settings of the fit; see `LineFitSettings`."""
+    """Least noise of a point (pixels), and greatest numbers of steps and of halvings of one."""
 
     min_noise_px: float
     max_steps: int
