@@ -35,8 +35,9 @@ from robocup_vision.camera import RollingShutter
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation.scoring import pose_error
 from robocup_vision.geometry import Pose2, compose_covariance
-from robocup_vision.localization.model_edges.finder import EdgeFinder
+from robocup_vision.localization.localizer import frame_alone
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
+from robocup_vision.localization.model_edges.localizer import EdgeLocalizer
 
 Look = FollowedCamera | NotLocated
 
@@ -173,21 +174,24 @@ def shows_goal(what: Walk, pitch: Field, one: WalkFrame) -> bool:
 
 
 def cold(what: Walk, pitch: Field, frames: list[WalkFrame], table: Table, name: str) -> None:
-    """Find the camera in single frames; add rows."""
-    finder = EdgeFinder(EdgeFollower(pitch, what.camera))
+    """Locate the camera in single frames without a prior, as `Vision` does; add rows."""
+    # the camera is the robot
+    camera = replace(what.camera, pan_rad=0.0, offset_m=AT_CENTER)
+    localizer = EdgeLocalizer(pitch, camera)
     counts = {True: [0, 0, 0, 0], False: [0, 0, 0, 0]}
     ratios: dict[bool, list[float]] = {True: [], False: []}
     is_right = right_pose(pitch)
     # loops are compiled, or loaded, before times are taken
-    finder.find(frames[0].frame)
+    localizer.locate(frame_alone(frames[0].frame, camera))
     for one in frames:
-        answer, took = timed(lambda frame=one.frame: finder.find(frame))  # type: ignore[misc]
+        localizer.forget()
+        answer, took = timed(lambda frame=one.frame: localizer.locate(frame_alone(frame, camera)))  # type: ignore[misc]
         has_goal = shows_goal(what, pitch, one)
         ratios[has_goal].append(took / unit_s(one.frame))
         row = counts[has_goal]
         row[0] += 1
-        if isinstance(answer, FollowedCamera):
-            first, *others = (is_right(pose, one.camera_pose) for pose in answer.estimate.candidates)
+        if answer.pose:
+            first, *others = (is_right(pose, one.camera_pose) for pose in answer.pose.candidates)
             row[1 if first else 2 if any(others) else 3] += 1
     max_ratio = MAX_COLD_RATIO[what.camera.size_px[0]]
     for has_goal, (number, right, later, wrong) in counts.items():
