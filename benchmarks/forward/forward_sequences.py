@@ -5,8 +5,9 @@ that is up to 5 % off (rows say what else is wrong). Frames of a rolling shutter
 neck tells, within the time. Errors are those of the camera's pose with its prior, in located
 frames. Basin: frames whose position error by the measurements alone is under 3 cm, from a prior that is off by so much
 and says so; converged is within 5 cm and 2 degrees. Wrong priors are 0.4 to 1.5 m off and state 5 cm, 2 degrees. Cold:
-no prior; right is a first candidate within 20 cm and 5 degrees, modulo a half turn where the field's halves look alike;
-"among": only a further candidate is right; wrong: none of them. Whole looks (floor, ball and obstacles, too) have
+no prior, as `Vision` does it; right is a first candidate within 20 cm and 5 degrees, modulo a half turn where the
+field's halves look alike; "among": only a further candidate is right; wrong: none of them. Whole looks (floor, ball and
+obstacles, too) have
 priors that are off by 2 cm and 1 degree; frames of 416 x 320 are those of 208 x 160 enlarged; a camera beside the
 robot's centre moves about it as the head is panned. Times are those of the
 thread, as ratios to cv2.cvtColor(BGR2HSV) of the same frame; each frame is copied into one buffer before, as a camera's
@@ -32,6 +33,7 @@ from field_models import Field, load_field
 from robocup_vision import Vision
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.camera import RollingShutter
+from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.evaluation.scoring import pose_error
 from robocup_vision.geometry import Pose2, compose_covariance
@@ -182,6 +184,7 @@ def cold(what: Walk, pitch: Field, frames: list[WalkFrame], table: Table, name: 
     ratios: dict[bool, list[float]] = {True: [], False: []}
     is_right = right_pose(pitch)
     # loops are compiled, or loaded, before times are taken
+    prepare("pinhole_goal")
     localizer.locate(frame_alone(frames[0].frame, camera))
     for one in frames:
         localizer.forget()
