@@ -8,11 +8,12 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from field_models.errors import ArgumentError, PacketError
+from field_models.field import Field
 from robocup_vision.geometry import Pose2
 from robocup_vision.ssl.field import field_from_geometry
 from robocup_vision.ssl.protocol.mapping import decode
@@ -29,14 +30,11 @@ from robocup_vision.ssl.values.simulation import (
     TeleportBall,
     TeleportRobot,
 )
-from sim2d.network.realism import UNSUPPORTED, changed_realism
-from sim2d.network.world import MAX_NUMBER
+from sim2d.network.realism import UNSUPPORTED, Realism, changed_realism
+from sim2d.network.world import MAX_NUMBER, LeagueWorld
 from sim2d.world.ball_physics import Flight
 from sim2d.world.robot_spec import RobotSpec
 from sim2d.world.state import BallState
-
-if TYPE_CHECKING:
-    from sim2d.network.league import LeagueSimulator
 
 # where things can be put, how fast they can be, how large a field can be: far beyond the league's, and finite
 MAX_PLACE_M, MAX_SPEED_MPS, MAX_TURN_RPS, MAX_HEIGHT_M = 20.0, 30.0, 100.0, 20.0
@@ -61,6 +59,27 @@ _SPEC_RANGES = {
 }
 
 
+class Controlled(Protocol):
+    """What simulation control changes, as `sim2d.network.league.LeagueSimulator` holds it."""
+
+    world: LeagueWorld
+    speed: float
+    vision_port: int
+
+    @property
+    def realism(self) -> Realism:
+        """How real it is now."""
+        ...
+
+    def set_realism(self, realism: Realism) -> None:
+        """Change how real it is."""
+        ...
+
+    def set_field(self, field: Field, flight: Flight) -> None:
+        """Lay out another field."""
+        ...
+
+
 class _Refused(Exception):
     """Something that is not done: its code and why."""
 
@@ -69,7 +88,7 @@ class _Refused(Exception):
         self.errors = [SimulatorError(code, message) for message in messages]
 
 
-def apply_command(simulator: LeagueSimulator, command: SimulatorCommand) -> list[SimulatorError]:
+def apply_command(simulator: Controlled, command: SimulatorCommand) -> list[SimulatorError]:
     """Execute a command; return the parts that were not executed."""
     errors: list[SimulatorError] = []
     for execute, part in _parts(command):
@@ -81,7 +100,7 @@ def apply_command(simulator: LeagueSimulator, command: SimulatorCommand) -> list
     return errors
 
 
-def _parts(command: SimulatorCommand) -> Iterator[tuple[Callable[[LeagueSimulator, Any], None], Any]]:
+def _parts(command: SimulatorCommand) -> Iterator[tuple[Callable[[Controlled, Any], None], Any]]:
     """Yield what does each part of a command, and the part."""
     config, control = command.config, command.control
     # settings first: what is put on another field belongs there
@@ -97,20 +116,20 @@ def _parts(command: SimulatorCommand) -> Iterator[tuple[Callable[[LeagueSimulato
         yield _set_speed, control.speed
 
 
-def _set_speed(simulator: LeagueSimulator, speed: float) -> None:
+def _set_speed(simulator: Controlled, speed: float) -> None:
     if speed != 0 and not MIN_CLOCK_RATIO <= speed <= MAX_CLOCK_RATIO:
         limits = f"0 or from {MIN_CLOCK_RATIO:g} to {MAX_CLOCK_RATIO:g}"
         raise _Refused("SPEED_RANGE", f"simulation_speed must be {limits}, got {speed}")
     simulator.speed = speed
 
 
-def _set_vision_port(simulator: LeagueSimulator, port: int) -> None:
+def _set_vision_port(simulator: Controlled, port: int) -> None:
     if not 1 <= port <= 65535:
         raise _Refused("VISION_PORT", f"there is no port {port}")
     simulator.vision_port = port
 
 
-def _teleport_ball(simulator: LeagueSimulator, ball: TeleportBall) -> None:
+def _teleport_ball(simulator: Controlled, ball: TeleportBall) -> None:
     if ball.by_force:
         raise _Refused("BY_FORCE", "the ball cannot be moved by force; leave by_force out to teleport it")
     now = simulator.world.ball
@@ -129,7 +148,7 @@ def _teleport_ball(simulator: LeagueSimulator, ball: TeleportBall) -> None:
         simulator.world.make_room(state.x_m, state.y_m)
 
 
-def _teleport_robot(simulator: LeagueSimulator, robot: TeleportRobot) -> None:
+def _teleport_robot(simulator: Controlled, robot: TeleportRobot) -> None:
     team, number = _robot_key(robot.robot)
     name = f"robot {number} of {team.name.lower()}"
     world = simulator.world
@@ -178,7 +197,7 @@ def _checked(key: str, value: float | None, largest: float, kept: float) -> floa
     return value
 
 
-def _set_geometry(simulator: LeagueSimulator, geometry: Geometry) -> None:
+def _set_geometry(simulator: Controlled, geometry: Geometry) -> None:
     if max(len(geometry.field.lines), len(geometry.field.arcs)) > MAX_LINES:
         raise _Refused("GEOMETRY", f"a field must have at most {MAX_LINES} lines and arcs")
     try:
@@ -200,7 +219,7 @@ def _set_geometry(simulator: LeagueSimulator, geometry: Geometry) -> None:
     simulator.set_field(field, flight)
 
 
-def _set_spec(simulator: LeagueSimulator, specs: RobotSpecs) -> None:
+def _set_spec(simulator: Controlled, specs: RobotSpecs) -> None:
     team, number = _robot_key(specs.robot)
     changes: dict[str, object] = {}
     for key in ("radius_m", "height_m", "mass_kg", "max_kick_mps", "max_chip_mps", "center_to_dribbler_m"):
@@ -237,7 +256,7 @@ def _set_spec(simulator: LeagueSimulator, specs: RobotSpecs) -> None:
     simulator.world.set_spec(team, number, spec)
 
 
-def _set_realism(simulator: LeagueSimulator, custom: AnyMessage) -> None:
+def _set_realism(simulator: Controlled, custom: AnyMessage) -> None:
     if custom.kind != "RealismConfigErForce":
         raise _Refused("REALISM_UNKNOWN", f"there is no realism configuration {custom.kind!r} here")
     try:
