@@ -227,6 +227,20 @@ def test_sunlight_falls_where_its_beam_goes():
     assert gain[round(outside[1]), round(outside[0])] == pytest.approx([1.0] * 3, rel=0.02)
 
 
+@pytest.mark.slow
+def test_backdrop_hangs_behind_everything_and_repeats():
+    """Only this finds a backdrop that hides the field, or differs from frame to frame."""
+    camera, pose = looking_at_goal(1.0, 0.0, 0.1, 0.0)
+    scene = Scene(FIELD, room=ROOM)
+    plain, hall, again = (
+        render_pinhole(camera, scene, pose, backdrop=Backdrop(kind, seed=3)) for kind in ("plain", "hall", "hall")
+    )
+    np.testing.assert_array_equal(hall, again)
+    changed = np.abs(plain - hall).max(axis=2) > 1
+    assert changed[:30].mean() > 0.5
+    assert not changed[-30:].any()
+
+
 @given(numbers(0.0, 9.0))
 def test_smear_keeps_the_light_and_widens_along_rows_by_a_boxs_variance(length: float):
     image = np.zeros((9, 41, 3), dtype=np.float32)
