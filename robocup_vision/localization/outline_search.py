@@ -23,8 +23,8 @@ _BANK_WIDTH = 12.0
 _APART = Apart(0.1, 0.1, twins=True)  # least distance of two fits to refine, and of two places
 # widths of the redescending weights, units: for all starts, and for the best of their fits
 _ROUGH_SCALES = (8.0, 6.0, 4.0)
-_FINE_SCALES = (3.0, 2.0, 1.0, 1.0)
-_REFINED = 16  # number of fits refined with `fine_scales`
+FINE_SCALES = (3.0, 2.0, 1.0, 1.0)
+_REFINED = 16  # number of fits refined with `FINE_SCALES`
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class OutlineSearch:
         """Return fits to an outline (K,) from another fit, from all over the field, and from along its walls."""
         found = np.empty((_REFINED, 3))
         count = wall_search.search_outline(fit.pose, radius_px, self._rules, found)
-        model, scales = self.model, self.model.scales(_FINE_SCALES)
+        model, scales = self.model, self.model.scales(FINE_SCALES)
         starts = [fit.pose, *((x, y, theta) for x, y, theta in found[:count].tolist())]
         # with errors of the camera, wrong places would fit better
         return [model.fit(start, radius_px, scales, trusts_file=True)[0] for start in starts]

@@ -98,8 +98,8 @@ class PoseNoise:
 
 
 _SIGMAS = 3.0  # number of standard deviations of the errors that count as possible
-# each speed that is tried is this fraction of the one before; so many are tried. 20 of 0.85 reach 4.6 % of the top
-# speed, below which driving no longer pays.
+# each speed that is tried is this fraction of the one before; so many are tried, down to a speed at which driving no
+# longer pays
 _SLOWER_RATIO = 0.85
 _SPEEDS = 20
 

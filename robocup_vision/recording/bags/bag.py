@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import shutil
 import sqlite3
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from functools import partial
@@ -38,14 +39,14 @@ def is_bag(path: str | Path) -> bool:
     return not has_images and not (path / "dataset.toml").is_file() and bool(_message_files(path))
 
 
-class _Part:
+class _Part(ABC):
     """One message file."""
 
     topics: Mapping[str, str]
     is_whole = True
 
-    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[Logged]:
-        raise NotImplementedError
+    @abstractmethod
+    def messages(self, topic: str, on_damage: Callable[[str], None]) -> Iterator[Logged]: ...
 
     def decode(self, message: Logged) -> Any:
         return decode(message.data, message.type_name)

@@ -10,7 +10,7 @@ from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.walls.fit import empty_prediction, predict_walls
 from robocup_vision.localization.outline_model import OutlineModel
-from robocup_vision.localization.outline_search import OutlineSearch
+from robocup_vision.localization.outline_search import FINE_SCALES, OutlineSearch
 from robocup_vision.perception.polar_view import PolarView
 
 CAMERA = OmniCamera((256, 220), (127.5, 109.5), (26.0, 112.0), PAPER_MIRROR)
@@ -25,7 +25,7 @@ def test_an_outline_is_found_from_the_middle_of_the_field(pose, seed):
     predict_walls(pose.array, MODEL.scene, prediction)
     noise = np.random.default_rng(seed).normal(0.0, 0.1, len(prediction.q))
     radius_px = np.where(prediction.wall < 0, np.nan, PAPER_MIRROR.radius_px(prediction.q) + noise)
-    middle = MODEL.fit((0.0, 0.0, 0.0), radius_px, MODEL.scales((3.0, 2.0, 1.0, 1.0)))[0]
+    middle = MODEL.fit((0.0, 0.0, 0.0), radius_px, MODEL.scales(FINE_SCALES))[0]
     found = SEARCH.candidates(middle, radius_px)
     errors = [Pose2(*one.pose).error_to(pose, symmetric=True) for one in found]
     assert any(off_m < 0.01 and off_rad < 0.01 for off_m, off_rad in errors)
