@@ -9,8 +9,8 @@ from __future__ import annotations
 import asyncio
 import time
 import uuid
-from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -20,7 +20,7 @@ from distributed import Client, WorkerPlugin, get_worker, rpc
 from distributed.scheduler import KilledWorker
 
 from field_models.errors import ArgumentError, RobocupVisionError
-from robocup_vision.workers.pieces import Pool, Start, Workers
+from robocup_vision.workers.pieces import Pool, R, Start, Workers
 from robocup_vision.workers.processes import Doer, only_one_opencv_thread
 
 _CONNECT_S = 10.0
@@ -57,12 +57,10 @@ def _open(address: str, start: Start[Any, Any]) -> Iterator[Pool]:
                 f"the workers of {address} cannot do this: {type(error).__name__}: {' '.join(str(error).split())}; "
                 "each machine needs the same robocup-vision"
             ) from None
-        executor = client.get_executor(pure=False)
         try:
-            yield Pool(executor, partial(_do, name), crew.slots, crew.look_after)
+            yield Pool(_ClusterExecutor(client), partial(_do, name), crew.slots, crew.look_after)
         finally:
-            # what is still handed out is of no use to anybody
-            executor.shutdown(wait=False)
+            # closing the client cancels what is still handed out
             with suppress(Exception):
                 client.unregister_worker_plugin(name)
 
@@ -102,6 +100,30 @@ async def _kind(address: str) -> str:
     async with server:
         identity = await asyncio.wait_for(server.identity(), _CONNECT_S)
         return str(identity["type"])
+
+
+class _ClusterExecutor(Executor):
+    """Hands out calls as dask's own `ClientExecutor` does, but survives a worker that dies after its call ended.
+
+    That one reads the result of a call, then whether the call ended. A worker lost in between makes the call pending
+    again, which it takes for an error.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
+        handed: Future[R] = Future()
+        self._client.submit(fn, *args, pure=False, **kwargs).add_done_callback(partial(_pass_on, handed))
+        return handed
+
+
+def _pass_on(handed: Future[Any], call: Any) -> None:
+    try:
+        # waits again for a call whose result was lost
+        handed.set_result(call.result())
+    except BaseException as error:
+        handed.set_exception(error)
 
 
 class _Crew:
