@@ -15,7 +15,7 @@ from robocup_vision.arrays import Float32Array, FloatArray
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import factor, substitute
 from robocup_vision.kernels.algebra.order import sort
-from robocup_vision.kernels.model_edges.find import Bank, upright_mismatch
+from robocup_vision.kernels.model_edges.find import Bank
 
 SIZE = 5  # x, y, heading, tilt, roll
 FAR = 1e3  # pixels, of a point beside the field
@@ -268,8 +268,6 @@ def _advance(
 def align_poses(
     bank: Bank,
     how: Alignment,
-    seen: FloatArray,
-    upright_weight: float,
     starts: FloatArray,
     likely: int,
     poses: FloatArray,
@@ -283,10 +281,6 @@ def align_poses(
         Its table of distances from lines.
     how : Alignment
         Points and numbers.
-    seen : (K, BINS + 1) float64
-        As `find.upright_bins` returns.
-    upright_weight : float
-        Of a bearing bin that is wrong, in line points.
     starts : (M, 3) float64
         x, y, heading.
     poses : (M, 5) float64
@@ -313,11 +307,7 @@ def align_poses(
         for m in range(count):
             if costs[m] == DROPPED:
                 continue
-            mismatch = 0.0
-            if halves or turn == turns:
-                mismatch = upright_mismatch(bank, seen, poses[m, 0], poses[m, 1], poses[m, 2])
             costs[m] = _advance(bank, how, slopes, starts[m], gate_px, turn < turns, work, poses[m])
-            costs[m] += upright_weight * mismatch
             order[number] = costs[m]
             number += 1
         if halves:

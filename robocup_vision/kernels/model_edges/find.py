@@ -1,4 +1,4 @@
-"""Poses proposed without a prior: line points against a table of the field's lines, coloured uprights by bearing.
+"""Poses proposed without a prior: line points against a table of the field's lines.
 
 All places and headings of a bank are scored by a few points first; the best again by all of them.
 """
@@ -10,14 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Array
+from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.distinct import pick_distinct
-from robocup_vision.kernels.algebra.lens import distorted
 from robocup_vision.kernels.model_edges.prediction import on_floor, pose_frame
 
-BINS = 96  # of bearing across the picture
-LIKENESS = 0.93  # cosine between a colour and the paint that it is
 FIRST_POINTS = 14
 _SAMPLED = 31  # one in so many scores is sampled to bound the best ones
 _FAR_M = 1e3  # from lines, of what lies beside the table
@@ -38,14 +35,6 @@ class Bank(NamedTuple):
         x and y of cell (0, 0)'s middle; rows run along y.
     cell_m : float
         Side of a cell.
-    items : (I, 5) float64
-        Coloured uprights: x0, y0, x1, y1 of its foot across (a cylinder: twice its axis), radius.
-    item_paint : (I,) int64
-        Which paint each shows.
-    paints : (K, 3) float64
-        Unit vectors of their colour, blue, green, red, less grey.
-    half_view_rad : float
-        From the axis to the border of the picture.
     """
 
     places: FloatArray
@@ -53,69 +42,6 @@ class Bank(NamedTuple):
     distance_m: Float32Array
     origin_m: FloatArray
     cell_m: float
-    items: FloatArray
-    item_paint: Int64Array
-    paints: FloatArray
-    half_view_rad: float
-
-
-@compiled(error_model="numpy", inline="always")
-def chroma(image: UInt8Array, v: int, u: int) -> tuple[float, float, float, float]:
-    """Colour of a pixel less grey, blue, green, red, and its length: 0 where it is next to grey."""
-    b, g, r = float(image[v, u, 0]), float(image[v, u, 1]), float(image[v, u, 2])
-    grey = (b + g + r) / 3.0
-    b, g, r = b - grey, g - grey, r - grey
-    size = math.sqrt(b * b + g * g + r * r)
-    return b, g, r, size if size > 0.35 * grey + 10.0 else 0.0
-
-
-@compiled(error_model="numpy", inline="always")
-def column_of(i: int, bank_half: float, lens: FloatArray) -> int:
-    """Column of the picture in the middle of a bin of bearings."""
-    across, _, _, _, _, _ = distorted(lens, -math.tan(bank_half * (1.0 - 2.0 * (i + 0.5) / BINS)), 0.0)
-    return int(round(lens[2] + lens[0] * across))
-
-
-@compiled(error_model="numpy")
-def upright_bins(
-    image: UInt8Array, lens: FloatArray, horizon_row: float, paints: FloatArray, bank_half: float, seen: FloatArray
-) -> None:
-    """Find the bearings at which a thing of a paint stands about the horizon.
-
-    Parameters
-    ----------
-    image : (H, W, 3) uint8
-        BGR.
-    lens : (L,) float64
-        See `prediction.predict`.
-    horizon_row : float
-        Of the camera.
-    paints : (K, 3) float64
-        See `Bank`.
-    bank_half : float
-        Half the view's width, radians.
-    seen : (K, BINS + 1) float64
-        Result: how many bins up to each show the paint.
-    """
-    height, width = image.shape[0], image.shape[1]
-    top = max(int(horizon_row - 0.45 * height), 0)
-    bottom = min(int(horizon_row + 0.2 * height), height)
-    step = max(1, (bottom - top) // 60)
-    for k in range(paints.shape[0]):
-        seen[k, 0] = 0.0
-        for i in range(BINS):
-            u = column_of(i, bank_half, lens)
-            run, best = 0, 0
-            if 0 <= u < width:
-                for v in range(top, bottom, step):
-                    b, g, r, size = chroma(image, v, u)
-                    like = b * paints[k, 0] + g * paints[k, 1] + r * paints[k, 2]
-                    if size > 0.0 and like > LIKENESS * size:
-                        run += 1
-                        best = max(best, run)
-                    else:
-                        run = 0
-            seen[k, i + 1] = seen[k, i] + (1.0 if best >= 3 else 0.0)
 
 
 @compiled(error_model="numpy")
@@ -164,69 +90,6 @@ def _misfit(bank: Bank, rows: FloatArray, begin: int, end: int, x: float, y: flo
     return total
 
 
-@compiled(error_model="numpy", inline="always")
-def _is_same_item(items: FloatArray, m: int) -> bool:
-    """Return whether an upright stands at the place of the one before: it is another colour of the same beacon."""
-    for k in range(5):
-        if items[m, k] != items[m - 1, k]:
-            return False
-    return True
-
-
-@compiled(fastmath=True, error_model="numpy", inline="always")
-def _upright_spans(bank: Bank, x: float, y: float, low: FloatArray, high: FloatArray) -> None:
-    """Bearings from a place, field frame, between which each upright stands."""
-    for m in range(bank.items.shape[0]):
-        if m > 0 and _is_same_item(bank.items, m):
-            low[m], high[m] = low[m - 1], high[m - 1]
-            continue
-        a = math.atan2(bank.items[m, 1] - y, bank.items[m, 0] - x)
-        b = a
-        if bank.items[m, 2] != bank.items[m, 0] or bank.items[m, 3] != bank.items[m, 1]:
-            b = math.atan2(bank.items[m, 3] - y, bank.items[m, 2] - x)
-        turn = b - a
-        if turn > math.pi:
-            turn -= math.tau
-        elif turn < -math.pi:
-            turn += math.tau
-        away = math.sqrt(
-            (0.5 * (bank.items[m, 0] + bank.items[m, 2]) - x) ** 2
-            + (0.5 * (bank.items[m, 1] + bank.items[m, 3]) - y) ** 2
-        )
-        half = bank.items[m, 4] / max(away, bank.items[m, 4])
-        low[m], high[m] = min(0.0, turn) - half + a, max(0.0, turn) + half + a
-
-
-@compiled(fastmath=True, error_model="numpy", inline="always")
-def _mismatch(bank: Bank, seen: FloatArray, total: float, low: FloatArray, high: FloatArray, theta: float) -> float:
-    """Bins that show a paint where none is predicted, and of those predicted that do not a part: robots hide them."""
-    per_bin = BINS / (2.0 * bank.half_view_rad)
-    matched, predicted = 0.0, 0.0
-    for m in range(bank.items.shape[0]):
-        middle = 0.5 * (low[m] + high[m]) - theta
-        turn = math.tau * math.floor((middle + math.pi) / math.tau)
-        # bins run from the left border to the right
-        begin = int((bank.half_view_rad - (high[m] - theta - turn)) * per_bin)
-        end = int((bank.half_view_rad - (low[m] - theta - turn)) * per_bin) + 1
-        begin, end = max(begin, 0), min(end, BINS)
-        if end > begin:
-            k = bank.item_paint[m]
-            matched += seen[k, end] - seen[k, begin]
-            predicted += end - begin
-    return float(max(total - matched, 0.0) + 0.4 * max(predicted - matched, 0.0))
-
-
-@compiled(fastmath=True, error_model="numpy")
-def upright_mismatch(bank: Bank, seen: FloatArray, x: float, y: float, theta: float) -> float:
-    """Count the bearing bins that do not show what a pose predicts; see `score_bank` for the arguments."""
-    low, high = np.empty(bank.items.shape[0]), np.empty(bank.items.shape[0])
-    _upright_spans(bank, x, y, low, high)
-    total = 0.0
-    for k in range(seen.shape[0]):
-        total += seen[k, BINS]
-    return _mismatch(bank, seen, total, low, high, theta)
-
-
 @compiled
 def _cell(bank: Bank, x: float, y: float) -> tuple[int, int]:
     """Column and row of the cell that a place lies in."""
@@ -248,10 +111,8 @@ def _with_margin(distance_m: Float32Array, margin: int) -> tuple[Float32Array, i
 
 
 @compiled(fastmath=True, error_model="numpy")
-def score_bank(
-    bank: Bank, rows: FloatArray, number: int, seen: FloatArray, upright_weight: float, scores: FloatArray
-) -> None:
-    """Score all poses of a bank: the smaller the better.
+def score_bank(bank: Bank, rows: FloatArray, number: int, scores: FloatArray) -> None:
+    """Score all poses of a bank by line points: the smaller the better.
 
     Parameters
     ----------
@@ -259,20 +120,11 @@ def score_bank(
         The bank.
     rows : (N, 3) float64
         As `floor_places` returns them, `number` of them.
-    seen : (K, BINS + 1) float64
-        As `upright_bins` returns.
-    upright_weight : float
-        Of a bearing bin that is wrong, in line points; 0 where uprights are to say nothing: a heading's neighbour is
-        farther away than a beacon is wide.
     scores : (P, H) float64
         Result.
     """
-    items, headings = bank.items.shape[0], bank.headings.shape[0]
+    headings = bank.headings.shape[0]
     first = min(number, FIRST_POINTS)
-    low, high = np.empty(items), np.empty(items)
-    total = 0.0
-    for k in range(seen.shape[0]):
-        total += seen[k, BINS]
     inverse, farthest = 1.0 / bank.cell_m, 0.0
     for k in range(first):
         farthest = max(farthest, math.hypot(rows[k, 0], rows[k, 1]))
@@ -290,8 +142,6 @@ def score_bank(
     costs = np.empty(headings)
     for i in range(bank.places.shape[0]):
         x, y = bank.places[i, 0], bank.places[i, 1]
-        if upright_weight > 0.0:
-            _upright_spans(bank, x, y, low, high)
         column, row = _cell(bank, x, y)
         here = (row + margin) * columns + column + margin
         # headings side by side: the processor looks up several at once
@@ -302,8 +152,6 @@ def score_bank(
                 costs[j] += min(d * d, 1.0)
         for j in range(headings):
             scores[i, j] = costs[j] * (number / max(first, 1))
-            if upright_weight > 0.0:
-                scores[i, j] += upright_weight * _mismatch(bank, seen, total, low, high, bank.headings[j])
 
 
 @compiled(fastmath=True, error_model="numpy")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled, flag, variable
-from robocup_vision.kernels.model_edges.borders import leave_out_borders
 from robocup_vision.kernels.model_edges.fit import Gates, choose_mode, robust_fit
 from robocup_vision.kernels.model_edges.prediction import predict
 from robocup_vision.kernels.model_edges.search import reaches, search, whiten
@@ -140,7 +139,6 @@ def refine(
         for n in range(count):
             buffers.reach_px[n] = again_px
         search(image, scene.field.channels, carpet, light, settings, buffers, count)
-        leave_out_borders(image, carpet[3], near_px, buffers, count)
         inliers, rms, ok = robust_fit(buffers, count, settings, gates, origin, step)
         if not ok:
             return count, inliers, rms, False

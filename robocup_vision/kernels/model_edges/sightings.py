@@ -12,9 +12,11 @@ import numpy as np
 
 from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
-from robocup_vision.kernels.model_edges.find import BINS, LIKENESS, chroma, column_of
+from robocup_vision.kernels.algebra.lens import distorted
 
 SIGHTING_COLUMNS = 8
+BINS = 96  # of bearing across the picture
+LIKENESS = 0.93  # cosine between a colour and the paint that it is
 MIN_RUN_PX = 3
 BLUR_PX = 3  # of a colour that is neither of two bands, between them
 MAX_SIGHTINGS = 12
@@ -58,9 +60,26 @@ class Horizon(NamedTuple):
 
 
 @compiled(error_model="numpy", inline="always")
+def _chroma(image: UInt8Array, v: int, u: int) -> tuple[float, float, float, float]:
+    """Colour of a pixel less grey, blue, green, red, and its length: 0 where it is next to grey."""
+    b, g, r = float(image[v, u, 0]), float(image[v, u, 1]), float(image[v, u, 2])
+    grey = (b + g + r) / 3.0
+    b, g, r = b - grey, g - grey, r - grey
+    size = math.sqrt(b * b + g * g + r * r)
+    return b, g, r, size if size > 0.35 * grey + 10.0 else 0.0
+
+
+@compiled(error_model="numpy", inline="always")
+def _column_of(i: int, half_view_rad: float, lens: FloatArray) -> int:
+    """Column of the picture in the middle of a bin of bearings."""
+    across, _, _, _, _, _ = distorted(lens, -math.tan(half_view_rad * (1.0 - 2.0 * (i + 0.5) / BINS)), 0.0)
+    return int(round(lens[2] + lens[0] * across))
+
+
+@compiled(error_model="numpy", inline="always")
 def _paint_of(image: UInt8Array, v: int, u: int, paints: FloatArray) -> int:
     """Which paint a pixel shows, -1 for none."""
-    b, g, r, size = chroma(image, v, u)
+    b, g, r, size = _chroma(image, v, u)
     if size == 0.0:
         return -1
     for k in range(paints.shape[0]):
@@ -116,7 +135,6 @@ def sightings(
     image: UInt8Array,
     lens: FloatArray,
     horizon: Horizon,
-    seen: FloatArray,
     half_view_rad: float,
     uprights: Uprights,
     out: FloatArray,
@@ -131,10 +149,8 @@ def sightings(
         See `prediction.predict`.
     horizon : Horizon
         Of the camera.
-    seen : (K, BINS + 1) float64
-        As `find.upright_bins` returns: bins that show no paint are not looked at.
     half_view_rad : float
-        See `find.Bank`.
+        From the axis to the border of the picture.
     uprights : Uprights
         What may be seen.
     out : (S, 8) float64
@@ -150,15 +166,13 @@ def sightings(
     top = max(int(horizon.row - 0.45 * height), 0)
     bottom = height
     number = uprights.paint.shape[0]
+    if number == 0:
+        return 0
     sizes = np.zeros((number, BINS))
     columns = np.zeros(BINS, np.int64)
     for i in range(BINS):
-        columns[i] = column_of(i, half_view_rad, lens)
-        shows = False
-        for k in range(seen.shape[0]):
-            if seen[k, i + 1] > seen[k, i]:
-                shows = True
-        if shows and 0 <= columns[i] < width:
+        columns[i] = _column_of(i, half_view_rad, lens)
+        if 0 <= columns[i] < width:
             _sizes(image, columns[i], top, bottom, horizon, uprights, sizes, i)
     per_bin_px = 2.0 * half_view_rad / BINS * lens[0]
     count = variable(0)

@@ -71,17 +71,16 @@ class GoalVerdict:
     def _cameras(self, picture: GoalPicture, candidate: Candidate) -> Iterator[CameraEstimate]:
         """Yield the cameras that a goal gives by itself and with lines, where they can stand and see all of it."""
         search, model = self._search, candidate.model
+        # posts and a bar that are not visible in full are hidden by somebody
+        if search.washable(picture, candidate.sides, candidate.fit.unknowns).min() < _MIN_WASHABLE:
+            return
         found = polish(picture.frame, search.camera, model, candidate.fit, candidate.appearance)
         goal = replace(candidate, fit=found)
         arc = open_arc(model, found, CERTAIN_M)
         cameras = [without_lines(goal, arc)]
         if self._lines is not None:
             cameras += self._lines.join(picture.frame, goal, arc)
-        for one in cameras:
-            # posts and a bar that are not visible in full are hidden by somebody
-            is_whole = search.washable(picture, one.sides, one.unknowns).min() >= _MIN_WASHABLE
-            if is_whole and search.is_possible(one.unknowns):
-                yield one
+        yield from (one for one in cameras if search.is_possible(one.unknowns))
 
     def _nats(self, picture: GoalPicture, candidate: Candidate, camera: CameraEstimate) -> tuple[float, bool]:
         """Log-likelihood ratio of goal and lines, where a camera has them, to clutter; whether lines confirm it."""

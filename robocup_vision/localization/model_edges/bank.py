@@ -10,7 +10,6 @@ import numpy as np
 
 from field_models import COLOR_NAMES, Field
 from robocup_vision.arrays import Float32Array, FloatArray
-from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.model_edges.find import Bank
 from robocup_vision.kernels.model_edges.sightings import Uprights
 from robocup_vision.localization.model_edges.field_edges import MIN_CHROMA
@@ -22,7 +21,7 @@ _CUT_OFF_M = 1.2
 _BEACON_WEIGHT, _POST_WEIGHT = 8.0, 2.0
 
 
-def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_step_rad: float) -> Bank:
+def prepare_bank(field: Field, spacing_m: float, heading_step_rad: float) -> Bank:
     """Prepare a bank; on a field whose halves look alike, of one half only."""
     half_x, half_y = field.length_m / 2 + 0.2, field.width_m / 2 + 0.2
     low_x = -half_x if field.shows_half else 0.0
@@ -35,50 +34,16 @@ def prepare_bank(field: Field, camera: PinholeCamera, spacing_m: float, heading_
     headings = np.linspace(0.0, math.tau, count, endpoint=False)
     shape = (round(-2 * origin[1] / _CELL_M) + 1, round(-2 * origin[0] / _CELL_M) + 1)
     distance = _distances(field.line_points(_CELL_M / 2), origin, shape)
-    items: list[list[float]] = []
-    item_paint: list[int] = []
-    paints: list[FloatArray] = []
-    names: list[str] = []
-
-    def add(name: str, row: list[float]) -> None:
-        color = np.array(COLOR_NAMES[name], dtype=np.float64)
-        if np.ptp(color) < MIN_CHROMA:
-            return
-        if name not in names:
-            names.append(name)
-            paints.append(np.asarray((color - color.mean()) / np.linalg.norm(color - color.mean())))
-        items.append(row)
-        item_paint.append(names.index(name))
-
-    for goal in field.goals:
-        if goal.kind != "recess":
-            half, radius = goal.width_m / 2, max(goal.post_radius_m, 0.01)
-            add(goal.color, [goal.line_x_m, -half, goal.line_x_m, half, radius])
-    for beacon in field.beacons:
-        for name in beacon.colors:
-            add(name, [beacon.x_m, beacon.y_m, beacon.x_m, beacon.y_m, beacon.radius_m])
-    width = camera.size_px[0]
-    return Bank(
-        np.ascontiguousarray(places),
-        headings,
-        distance,
-        origin,
-        _CELL_M,
-        np.array(items, dtype=np.float64).reshape(-1, 5),
-        np.array(item_paint, dtype=np.int64),
-        np.array(paints, dtype=np.float64).reshape(-1, 3),
-        math.atan(width / 2 / camera.focal_px[0]),
-    )
+    return Bank(np.ascontiguousarray(places), headings, distance, origin, _CELL_M)
 
 
 def with_walls(bank: Bank, field: Field) -> Bank:
-    """Return a bank of the same poses, with distances from the floor's walls, and no uprights."""
+    """Return a bank of the same poses, with distances from the floor's walls."""
     steps = [
         np.linspace(row[:2], row[2:], 2 + math.ceil(2 * math.dist(row[:2], row[2:]) / _CELL_M)) for row in field.walls
     ]
     distance = _distances(np.vstack(steps), bank.origin_m, bank.distance_m.shape)
-    nothing = np.zeros(0, dtype=np.int64)
-    return bank._replace(distance_m=distance, items=np.zeros((0, 5)), item_paint=nothing, paints=np.zeros((0, 3)))
+    return bank._replace(distance_m=distance)
 
 
 def _distances(points_m: FloatArray, origin_m: FloatArray, shape: tuple[int, ...]) -> Float32Array:
@@ -91,17 +56,22 @@ def _distances(points_m: FloatArray, origin_m: FloatArray, shape: tuple[int, ...
     return np.asarray(np.minimum(distance, _CUT_OFF_M), dtype=np.float32)
 
 
-def prepare_uprights(field: Field, bank: Bank) -> Uprights:
+def prepare_uprights(field: Field) -> Uprights:
     """Prepare what `kernels.model_edges.sightings` looks for: coloured posts, and beacons of two coloured bands."""
+    names: list[str] = []
+    paints: list[FloatArray] = []
     places: list[list[float]] = []
     paint: list[list[int]] = []
     sizes: list[list[float]] = []
 
     def index(name: str) -> int:
-        color = np.array(COLOR_NAMES[name], dtype=np.float64)
-        if np.ptp(color) < MIN_CHROMA:
-            return -1
-        return int(np.argmax(bank.paints @ (color - color.mean())))
+        if name not in names:
+            color = np.array(COLOR_NAMES[name], dtype=np.float64)
+            if np.ptp(color) < MIN_CHROMA:
+                return -1
+            names.append(name)
+            paints.append(np.asarray((color - color.mean()) / np.linalg.norm(color - color.mean())))
+        return names.index(name)
 
     for beacon in field.beacons:
         for lower, upper in itertools.pairwise(beacon.colors):
@@ -110,14 +80,20 @@ def prepare_uprights(field: Field, bank: Bank) -> Uprights:
                 paint.append([index(upper), index(lower)])
                 sizes.append([2 * beacon.height_m / len(beacon.colors), 2 * beacon.radius_m, _BEACON_WEIGHT])
     for goal in field.goals:
-        if goal.kind == "posts" and index(goal.color) >= 0:
-            half = goal.width_m / 2
+        if goal.kind == "recess" or index(goal.color) < 0:
+            continue
+        half = goal.width_m / 2
+        paint.append([index(goal.color), -1])
+        if goal.kind == "posts":
             places.append([goal.line_x_m, -half, goal.line_x_m, half])
-            paint.append([index(goal.color), -1])
             sizes.append([goal.height_m + goal.post_radius_m, 2 * goal.post_radius_m, _POST_WEIGHT])
+        else:
+            # its back panel is what most places see all of
+            places.append([goal.back_x_m, 0.0] * 2)
+            sizes.append([goal.height_m, goal.width_m, _POST_WEIGHT])
     size = np.array(sizes, dtype=np.float64).reshape(-1, 3)
     return Uprights(
-        bank.paints,
+        np.array(paints, dtype=np.float64).reshape(-1, 3),
         np.array(places, dtype=np.float64).reshape(-1, 4),
         np.array(paint, dtype=np.int64).reshape(-1, 2),
         np.ascontiguousarray(size[:, 0]),

@@ -17,7 +17,7 @@ from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.kernels.model_edges.align import DROPPED, Alignment, align_poses, slopes_of
 from robocup_vision.kernels.model_edges.carpet import carpet_ends
-from robocup_vision.kernels.model_edges.find import BINS, best_poses, floor_places, score_bank, upright_bins
+from robocup_vision.kernels.model_edges.find import best_poses, floor_places, score_bank
 from robocup_vision.kernels.model_edges.sightings import (
     MAX_SIGHTINGS,
     NOD_RAD,
@@ -36,7 +36,7 @@ from robocup_vision.localization.model_edges.weights import packaged_edge_weight
 _AnyPose = TypeVar("_AnyPose", bound=Pose2)
 
 _CORNERS, _QUARTER_RAD = 4, math.pi / 2
-_NO_ENDS, _NOTHING_SEEN = np.zeros((0, 3)), np.zeros((0, BINS + 1))
+_NO_ENDS = np.zeros((0, 3))
 # an answer of 99 % probability ends the search
 _SURE_LOG_ODDS = math.log(99.0)
 
@@ -84,8 +84,6 @@ class FinderSettings:
     settled_rad: float = math.radians(0.5)
     #: greatest standard deviation of an answer's position: a following picture may show more
     max_std_m: float = 0.10
-    #: cost of a bearing bin whose paint is wrong, in line points
-    upright_weight: float = 0.25
     #: standard deviations of a lost camera's pose about the last one, and the fraction of lost cameras that are near it
     lost_std_m: float = 0.5
     lost_std_rad: float = 0.5
@@ -125,7 +123,6 @@ class Clues(NamedTuple):
     points: FloatArray  #: (N, 3) float64: pixels u, v on lines, see `kernels.model_edges.bands.line_points`
     ends: FloatArray  #: (E, 3) float64: pixels u, v where the carpet ends, and 0
     uprights: FloatArray  #: (S, 8) float64: see `kernels.model_edges.sightings.sightings`
-    seen: FloatArray  #: (K, BINS + 1) float64: see `kernels.model_edges.find.upright_bins`
 
 
 CluesAt = Callable[[float], Clues]
@@ -138,12 +135,12 @@ class EdgeFinder:
         self.follower = follower
         self.settings = s = settings or FinderSettings()
         field, camera = follower.field, follower.camera
-        self._bank = prepare_bank(field, camera, s.spacing_m, s.heading_step_rad)
+        self._bank = prepare_bank(field, s.spacing_m, s.heading_step_rad)
+        self._half_view_rad = math.atan(camera.size_px[0] / 2 / camera.focal_px[0])
         self._has_twins = not field.halves_differ
         self._apart = replace(s.apart, twins=self._has_twins)
         self._is_same_frame = False  # as that of the last fit
         self._scores = np.zeros((len(self._bank.places), len(self._bank.headings)))
-        self._seen = np.zeros((len(self._bank.paints), BINS + 1))
         self._walls = with_walls(self._bank, field) if s.end_weight and field.is_bounded else None
         self._rows, self._end_rows = np.zeros((s.points, 3)), np.zeros((s.points, 3))
         self._end_scores = np.zeros_like(self._scores)
@@ -153,7 +150,7 @@ class EdgeFinder:
         self._tried = np.zeros((most, 3))
         self._half_m = (field.length_m / 2 + 0.2, field.width_m / 2 + 0.2)
         self._aligned, self._costs = np.zeros((most, 5)), np.zeros(most)
-        self._uprights = prepare_uprights(field, self._bank)
+        self._uprights = prepare_uprights(field)
         self._sightings = np.zeros((MAX_SIGHTINGS, SIGHTING_COLUMNS))
         scale = camera.size_px[0] / DESIGN_WIDTH_PX
         self._weights = packaged_edge_weights()
@@ -226,14 +223,13 @@ class EdgeFinder:
 
     def _clues(self, frame: UInt8Array, tilt_rad: float) -> Clues:
         """Find the clues of a frame of a camera tilted so."""
-        follower, camera, bank = self.follower, self.follower.camera, self._bank
+        follower, camera = self.follower, self.follower.camera
         horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(tilt_rad)
         count = follower.find_line_points(frame, tilt_rad, self._rest_rad[1], self._points)
-        upright_bins(frame, follower.lens, horizon, bank.paints, bank.half_view_rad, self._seen)
         level = Horizon(horizon, camera.height_m, NOD_RAD * camera.focal_px[1])
-        many = sightings(frame, follower.lens, level, self._seen, bank.half_view_rad, self._uprights, self._sightings)
+        many = sightings(frame, follower.lens, level, self._half_view_rad, self._uprights, self._sightings)
         ends = _NO_ENDS if self._walls is None else carpet_ends(frame, int(horizon))
-        return Clues(self._points[:count], ends, self._sightings[:many], self._seen)
+        return Clues(self._points[:count], ends, self._sightings[:many])
 
     def _aligned_poses(self, clues: CluesAt, tilts_rad: FloatArray) -> FloatArray:
         """Align poses with a frame, begun at some tilts: (N, 6), poses, tilts, rolls and costs in line points."""
@@ -246,12 +242,12 @@ class EdgeFinder:
         held = (self.follower.lens, tilt, roll, height_m, s.max_range_m)
         number = floor_places(clues.points, len(clues.points), *held, self._rows)
         ends = floor_places(clues.ends, len(clues.ends), *held, self._end_rows)
-        if number < 3 and clues.seen[:, -1].sum() < 2:
+        if number < 3 and not len(clues.uprights):
             return np.empty((0, 6))
-        score_bank(bank, self._rows, number, clues.seen, 0.0, self._scores)
+        score_bank(bank, self._rows, number, self._scores)
         walls = bank if self._walls is None else self._walls
         if ends:
-            score_bank(walls, self._end_rows, ends, _NOTHING_SEEN, 0.0, self._end_scores)
+            score_bank(walls, self._end_rows, ends, self._end_scores)
             self._scores += s.end_weight * self._end_scores
         kept = best_poses(bank, self._rows, number, self._scores, s.scored, s.apart.m, s.apart.rad, self._starts)
         how = Alignment(
@@ -271,7 +267,7 @@ class EdgeFinder:
         starts[:kept] = self._starts[:kept, :3]
         kept += poses_around(clues.uprights, camera.focal_px[0], self._half_m, s.step_m, starts[kept:])
         poses, costs = self._aligned[:kept], self._costs[:kept]
-        align_poses(bank, how, clues.seen, s.upright_weight, starts[:kept], s.likely, poses, costs)
+        align_poses(bank, how, starts[:kept], s.likely, poses, costs)
         # the prior of the tilt is about rest, not about where its search begins
         nod = poses[:, 3]
         costs += 0.5 * (((tilt + nod - rest) / self._rest_std_rad[0]) ** 2 - (nod / how.std[3]) ** 2)
@@ -420,7 +416,7 @@ class EdgeFinder:
         corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
         off = corners - (pose.x_m, pose.y_m)
         bearing = [abs(wrap_angle(math.atan2(y, x) - pose.theta_rad)) for x, y in off.tolist()]
-        away = np.where(np.array(bearing) < self._bank.half_view_rad, np.hypot(*off.T), math.inf)
+        away = np.where(np.array(bearing) < self._half_view_rad, np.hypot(*off.T), math.inf)
         ahead = int(np.argmin(away))
         # without a corner in view only the half turn of the floor shows the same
         turns = (1, 2, 3) if math.isfinite(away[ahead]) else (2,)

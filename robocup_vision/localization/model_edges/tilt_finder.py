@@ -84,11 +84,7 @@ class TiltFinder(EdgeFinder):
         )
         # one frame must decide: all samples count
         edges = EdgeSettings(in_sun_and_shade=True, ample_samples=math.inf, lines_end_m=_BEYOND_M)
-        how = FinderSettings(
-            scored=settings.scored,
-            aligned=settings.aligned,
-            upright_weight=0.0,
-        )
+        how = FinderSettings(scored=settings.scored, aligned=settings.aligned)
         super().__init__(EdgeFollower(field, level, edges), how)
         self._bands = np.zeros((600, 4))
         focal = math.sqrt(camera.focal_px[0] * camera.focal_px[1])
@@ -115,7 +111,7 @@ class TiltFinder(EdgeFinder):
         self.follower.forget_paint()
         top = self._carpet_top(frame)
         bands = self._line_bands(frame, top)
-        clues = Clues(np.ascontiguousarray(bands[:, :3]), np.zeros((0, 3)), self._sightings[:0], self._seen)
+        clues = Clues(np.ascontiguousarray(bands[:, :3]), np.zeros((0, 3)), self._sightings[:0])
         tilts = np.empty(0)
         if len(bands) >= self._tilts.min_bands:
             lowest, highest = self._tilt_bounds(bands, top)

@@ -9,7 +9,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.camera import PinholeCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.align import DROPPED, Alignment, align_poses
-from robocup_vision.kernels.model_edges.find import BINS, Bank
+from robocup_vision.kernels.model_edges.find import Bank
 
 TILT, ROLL = -0.17, 0.03
 CAMERA = PinholeCamera((104, 80), (96.0, 96.0), (51.5, 39.5), 0.185, pan_rad=0.0, tilt_rad=TILT, roll_rad=ROLL)
@@ -41,12 +41,11 @@ def aligned(
 ) -> tuple[FloatArray, FloatArray]:
     """Align with the borders: as lines where there are points, and as walls where there are ends."""
     lines_m, walls_m = (DISTANCE_M if len(given) else NOTHING_M for given in (points, ends))
-    items, paints = np.zeros((0, 5)), np.zeros((0, 3))
-    bank = Bank(np.zeros((0, 2)), np.zeros(0), lines_m, ORIGIN_M, CELL_M, items, np.zeros(0, np.int64), paints, 0.5)
+    bank = Bank(np.zeros((0, 2)), np.zeros(0), lines_m, ORIGIN_M, CELL_M)
     std, uprights = np.array([0.12, 0.12, 0.06, 0.002, 0.002]), np.zeros((0, 8))
     how = Alignment(points, TILT, ROLL, 0.185, std, 1 / 96.0, GATES_PX, uprights, ends, walls_m, weight)
     poses, costs = np.zeros((len(starts), 5)), np.zeros(len(starts))
-    align_poses(bank, how, np.zeros((0, BINS + 1)), 0.25, starts, likely, poses, costs)
+    align_poses(bank, how, starts, likely, poses, costs)
     return poses, costs
 
 
