@@ -54,9 +54,9 @@ def test_a_benchmark_runs_on_a_cluster(tmp_path):
     program = [sys.executable, "benchmarks/planning/gaze_refinement.py", "--quick"]
     tables = []
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50, local_directory=tmp_path
+        n_workers=1, threads_per_worker=1, dashboard_address=None, silence_logs=50, local_directory=tmp_path
     ) as cluster:
-        for where in (["--dask", cluster.scheduler_address], ["--jobs", "2"]):
+        for where in (["--dask", cluster.scheduler_address], ["--jobs", "1"]):
             run = subprocess.run(
                 [*program, *where, "--json", str(tmp_path / "figures.json")], cwd=ROOT, capture_output=True, text=True
             )

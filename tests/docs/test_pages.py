@@ -11,17 +11,18 @@ from pages import PAGES, ROOT, blocks, name_of, text_of
 
 from robocup_vision import cli
 
-PROGRAMS = {name_of(page): programs for page in PAGES if (programs := blocks(page, "python"))}
+PROGRAMS = [(name_of(page), program) for page in PAGES for program in blocks(page, "python")]
 # in folders of their own, none knows the names of another: one process, as most of a program's time is its start
 RUN = """
 import os, sys
-start, known = os.getcwd(), None
-known = set(globals()) | {"number", "program"}
+FOLDERS, KNOWN = os.getcwd(), None
+KNOWN = set(globals()) | {"number", "program", "page"}
 for number, program in enumerate(sys.argv[1:]):
-    os.chdir(f"{start}/{number}")
-    exec(compile(program, f"program {number}", "exec"))
+    os.chdir(f"{FOLDERS}/{number}")
+    page = open("page").read()
+    exec(compile(program, f"program of {page}", "exec"))
     print("\\0", end="", flush=True)
-    for name in set(globals()) - known:
+    for name in set(globals()) - KNOWN:
         del globals()[name]
 """
 COMMANDS = sorted(
@@ -42,29 +43,35 @@ LINKS = [
 
 
 def test_the_readme_is_short_and_has_a_program_for_each_use():
-    assert len(PROGRAMS["README.md"]) >= 3
+    assert [page for page, _ in PROGRAMS].count("README.md") >= 3
     text = re.sub(r"^<!-- figures: .*?^<!-- end of figures -->$", "", text_of(PAGES[0]), flags=re.M | re.S)
     assert len(text.splitlines()) <= 120
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", PROGRAMS)
-def test_programs_run(page, tmp_path):
+def test_programs_run(tmp_path):
     """Only this finds a program of a page that the library no longer runs."""
-    for number in range(len(PROGRAMS[page])):
+    for number, (page, _) in enumerate(PROGRAMS):
         shutil.copytree(ROOT / "images", tmp_path / str(number) / "images")  # what a program writes goes there, too
-    run = subprocess.run([sys.executable, "-c", RUN, *PROGRAMS[page]], cwd=tmp_path, capture_output=True, text=True)
+        (tmp_path / str(number) / "page").write_text(page)
+    programs = [program for _, program in PROGRAMS]
+    run = subprocess.run([sys.executable, "-c", RUN, *programs], cwd=tmp_path, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     printed = run.stdout.split("\0")
-    assert len(printed) == len(PROGRAMS[page]) + 1
+    assert len(printed) == len(PROGRAMS) + 1
     assert all(printed[:-1])
 
 
+@pytest.fixture(scope="module")
+def parser():
+    return cli.command_parser()
+
+
 @pytest.mark.parametrize("command", COMMANDS)
-def test_commands_are_understood(command):
+def test_commands_are_understood(command, parser):
     name, *arguments = shlex.split(command)
     assert name == "robocup-vision"
-    assert cli.command_parser().parse_args(arguments).run
+    assert parser.parse_args(arguments).run
 
 
 @pytest.mark.parametrize(("page", "target"), LINKS)

@@ -39,9 +39,8 @@ def test_a_goal_without_any_line_is_enough():
     assert found.pose.pose.error_to(sample.pose, symmetric=True)[0] < 0.2
 
 
-@pytest.mark.parametrize("index", [1, 4])
-def test_both_halves_are_possible_and_a_prior_chooses(index):
-    (sample,) = sample_goal(FIELD, CONDITION, 11, 14, indices=[index], supersample=2)
+def test_both_halves_are_possible_and_a_prior_chooses():
+    (sample,) = sample_goal(FIELD, CONDITION, 11, 14, indices=[1], supersample=2)
     localizer, evidence = GoalLocalizer(FIELD, CAMERA), frame_alone(sample.frame, CAMERA)
     assert not localizer.locate(evidence).tells_half
     for near in (sample.pose, sample.pose.half_turn()):

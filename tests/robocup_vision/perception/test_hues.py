@@ -35,7 +35,7 @@ def seen_robots(colors_bgr, places):
         Robot(*POSE.transform(place).tolist(), FIELD.robot_radius_m, color_bgr=color, marker_bgr=color)
         for color, place in zip(colors_bgr, places, strict=True)
     ]
-    light = render_pinhole(CAMERA, Scene(FIELD, robots=tuple(robots)), POSE)
+    light = render_pinhole(CAMERA, Scene(FIELD, robots=tuple(robots)), POSE, supersample=2)
     frame = Sensor(noise_sigma=4.0, blur_px=0.7).expose(light, np.random.default_rng(0))
     view = Vision(FIELD, CAMERA).look(frame)
     # the frame may be the driver's buffer: what is asked for later does not depend on it

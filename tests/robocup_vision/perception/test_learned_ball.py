@@ -114,8 +114,9 @@ def test_a_ball_is_seen_in_every_look_of_a_video_and_soon_after_a_jump(finder):
     assert math.dist((ball.x_m, ball.y_m), (1.6, -0.6)) < 0.1
 
 
-@pytest.mark.parametrize("place", [(0.8, 0.1), (1.5, -0.9), (3.0, 1.5), (4.5, 0.3)])
-@pytest.mark.parametrize("first_s", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize(
+    ("place", "first_s"), [((0.8, 0.1), 0.0), ((1.5, -0.9), 0.1), ((3.0, 1.5), 0.3), ((4.5, 0.3), 0.0)]
+)
 def test_a_ball_that_comes_into_view_is_told_within_a_sweep(finder, place, first_s):
     empty, shown = picture([]), picture([place], YELLOW, YELLOW)
     period_s = 0.05

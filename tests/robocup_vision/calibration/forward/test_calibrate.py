@@ -77,7 +77,7 @@ def test_lines_alone_correct_a_start(spl, frames):
 @pytest.mark.slow
 def test_lines_do_without_any_start(spl, frames):
     """Only this finds a search over tilts, focal lengths and heights that misses the true ones."""
-    assert_is_true(calibrate_forward(spl, frames), STRAIGHT)
+    assert_is_true(calibrate_forward(spl, frames[:3]), STRAIGHT)
 
 
 @pytest.mark.slow

@@ -18,7 +18,7 @@ from sim2d.sensors.match_camera import MATCH_LIGHT, MATCH_ROOM, MATCH_SENSOR
 
 FIELD = load_field("four_legged_2007")
 CAMERA = camera_for(FIELD)
-FRAMES = 4
+FRAMES = 2
 # the camera, who stands before the goal that it sees, and what is left to see of that
 HALF_HIDDEN = [
     (Pose2(-1.04, -1.03, -0.01), ((1.54, -0.27), (1.56, -0.7), (-0.39, -1.36))),

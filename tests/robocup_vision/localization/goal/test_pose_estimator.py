@@ -154,7 +154,7 @@ def test_the_goal_s_colour_gives_the_side(estimator):
 def test_frames_without_a_whole_goal_are_refused_with_a_reason(estimator):
     """Only this finds half a goal, a hidden one or an orange wall that passes for a whole goal."""
     views = ("no_goal", "half_goal", "goal_behind_robot", "orange_wall")
-    for sample in sample_goal(FIELD, GOAL_CONDITIONS["mild_glare_416x320"], 4, 8, views=views, supersample=2):
+    for sample in sample_goal(FIELD, GOAL_CONDITIONS["mild_glare_416x320"], 4, 4, views=views, supersample=2):
         estimate = estimator.locate(sample.frame)
         assert not estimate
         assert "goal" in estimate.reason
