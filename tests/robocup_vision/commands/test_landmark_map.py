@@ -9,8 +9,6 @@ from robocup_vision import cli
 from robocup_vision.landmarks.landmark_map import save_map
 from sim2d.commands import render_hall as hall_command
 
-pytestmark = pytest.mark.usefixtures("without_plots")
-
 
 @pytest.fixture(scope="module")
 def hall_folder(tmp_path_factory) -> Path:

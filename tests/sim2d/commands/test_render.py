@@ -176,15 +176,3 @@ def test_subset_keeps_its_numbers(tmp_path: Path):
     drawn = sample(SSL, camera, CONDITIONS["nominal"], 1, 5, indices=[4, 2])
     assert write_dataset(tmp_path / "some", "ssl_2001", camera, drawn) == 2
     assert [row["image"] for row in rows_of(tmp_path / "some")] == ["0004.png", "0002.png"]
-
-
-@pytest.mark.slow
-def test_pictures_do_not_depend_on_who_draws_them(tmp_path: Path):
-    """Only this finds random numbers that a painter shares with the pictures before."""
-    words = ["--field", "ssl_2001", "--camera", SMALL, "--count", 5, "--seed", 2]
-    for jobs in (1, 2):
-        render(*words, "--jobs", jobs, tmp_path / str(jobs))
-    files = [sorted(path.relative_to(tmp_path / jobs) for path in (tmp_path / jobs).rglob("*.*")) for jobs in "12"]
-    assert files[0] == files[1]
-    for path in files[0]:
-        assert (tmp_path / "1" / path).read_bytes() == (tmp_path / "2" / path).read_bytes()

@@ -1,4 +1,4 @@
-"""Programs of other people, each in an environment of its own, read what the simulator sends and what we write."""
+"""Programs of other people, in an environment of their own, read what the simulator sends and what we write."""
 
 import json
 import os
@@ -18,6 +18,7 @@ from sim2d.network.realism import REALISMS
 
 pytestmark = pytest.mark.slow
 
+PACKAGES = ("sslclient==1.1.2", "rc-ssl-logtools==0.0.4")
 SESSION = Path(__file__).with_name("foreign_session.py")
 # prints of each frame its time, its number, the robots by team and number, the ball
 SSLCLIENT = """
@@ -49,24 +50,20 @@ for frame in log_frames(sys.argv[1]):
 
 
 @pytest.fixture(scope="module")
-def environment(tmp_path_factory):
-    """Return a function that makes an environment with a package and returns its interpreter."""
-
-    def make(package):
-        folder = tmp_path_factory.mktemp("peer")
-        subprocess.run([sys.executable, "-m", "venv", folder], check=True)
-        python = folder / "bin" / "python"
-        done = subprocess.run(
-            [python, "-m", "pip", "install", "-q", "--disable-pip-version-check", package],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if done.returncode:
-            pytest.skip(f"{package} cannot be installed here: {done.stderr.strip().splitlines()[-1]}")
-        return python
-
-    return make
+def python(tmp_path_factory):
+    """Return the interpreter of an environment with both packages."""
+    folder = tmp_path_factory.mktemp("peers")
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", folder], check=True)
+    python, quietly = folder / "bin" / "python", ["-q", "--disable-pip-version-check", "--no-compile"]
+    done = subprocess.run(
+        [sys.executable, "-m", "pip", "--python", python, "install", *quietly, *PACKAGES],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode:
+        pytest.skip(f"{' and '.join(PACKAGES)} cannot be installed here: {done.stderr.strip().splitlines()[-1]}")
+    return python
 
 
 @pytest.fixture
@@ -81,9 +78,8 @@ def namespace():
     return [*words, "sh", "-c", f'{setup} && exec "$@"', "sh"]
 
 
-def test_a_foreign_client_reads_a_hundred_frames_as_they_are(environment, namespace, tmp_path):
+def test_a_foreign_client_reads_a_hundred_frames_as_they_are(python, namespace, tmp_path):
     """Only this finds packets that others' programs read otherwise than ours."""
-    python = environment("sslclient==1.1.2")
     done = subprocess.run(
         [*namespace, sys.executable, str(SESSION), str(python), SSLCLIENT],
         capture_output=True,
@@ -101,9 +97,8 @@ def test_a_foreign_client_reads_a_hundred_frames_as_they_are(environment, namesp
     assert found["wrong"] == 0
 
 
-def test_a_foreign_tool_reads_our_vision_log(environment, tmp_path):
+def test_a_foreign_tool_reads_our_vision_log(python, tmp_path):
     """Only this finds a log that others' programs read otherwise than ours."""
-    python = environment("rc-ssl-logtools==0.0.4")
     simulator = LeagueSimulator(load_field("ssl_division_b"), 6, REALISMS["rc2021"], epoch_s=time.time())
     entries = [
         LogEntry(round(1e9 * simulator.world.t_s), LogKind.VISION, data)

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from field_models import field_names, load_field
+from field_models import load_field
 from field_models.errors import ArgumentError
 from sim2d.commands.render import CONDITION_NAMES
 from sim2d.rendering.cameras import sekimori_camera
@@ -39,16 +39,12 @@ def test_a_sample_depends_on_seed_and_number_alone():
     [
         ("ssl_2001", False),
         ("spl_2020", False),
-        *(
-            pytest.param(name, False, marks=pytest.mark.slow)
-            for name in field_names()
-            if name not in ("ssl_2001", "spl_2020")
-        ),
+        ("msl_18x12", False),
         pytest.param("ssl_2001", True, marks=pytest.mark.slow),
     ],
 )
 def test_nothing_overlaps(name: str, ring: bool):
-    """The slow cases alone find boxes that stand in each other in a crowd, or on fields of other sizes."""
+    """The slow case alone finds boxes that stand in each other in a crowd."""
     field = load_field(name)
     condition = dataclasses.replace(CONDITIONS["crowd" if ring else "nominal"], ball_rate=1.0)
     bare = Scene(field)
