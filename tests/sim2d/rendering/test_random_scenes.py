@@ -75,14 +75,14 @@ def test_nothing_overlaps(name: str, ring: bool):
 def test_crowd_stands_around_the_robot():
     """Only this finds a crowd that stands elsewhere."""
     distances, full = [], 0
-    for index in range(40):
+    for index in range(20):
         scene, pose = random_scene(SSL, SMALL, CONDITIONS["crowd"], np.random.default_rng([1, index]))
         near = [box.distance_m(pose.x_m, pose.y_m) for box in scene.boxes]
         inside = [d for d in near if RING_RANGE_M[0] - 1e-3 <= d <= RING_RANGE_M[1] + 1e-3]
         distances += inside
         full += len(inside) == len(near)
         assert min(near) > RING_RANGE_M[0] - 1e-3
-    assert full > 20
+    assert full > 10
     assert min(distances) < 0.2
     assert max(distances) > 0.38
 
