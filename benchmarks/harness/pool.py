@@ -14,18 +14,18 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from benchmarks.harness.programs import ROOT
-from robocup_vision.commands.options import add_worker_options, chosen_workers
+from robocup_vision.commands.options import add_worker_options
 from robocup_vision.workers import Pool as Opened
-from robocup_vision.workers import Workers, in_order, local_workers, run_pieces
+from robocup_vision.workers import Workers, find_workers, in_order, run_pieces
 
 P = TypeVar("P")
 R = TypeVar("R")
 
 
 def add_pool_options(parser: argparse.ArgumentParser) -> None:
-    """Add ``--jobs``, all processors unless given, and ``--dask``."""
+    """Add ``--jobs``, of which `open_pool` decides unless it is given, and ``--dask``."""
     add_worker_options(parser)
-    parser.set_defaults(jobs=os.cpu_count() or 1)
+    parser.set_defaults(jobs=None)
 
 
 class Pool:
@@ -83,7 +83,10 @@ def _importable(function: Callable[[P], R]) -> Callable[[P], R]:
 
 @contextmanager
 def open_pool(arguments: argparse.Namespace) -> Iterator[Pool]:
-    """Yield the pool that a program's options name."""
-    workers = local_workers(arguments.jobs) if arguments.dask is None else chosen_workers(arguments)
+    """Yield the pool that a program's options name: unless they do, all processors, or this process in quick size.
+
+    A process takes longer to load the library than the pieces of a quick run do.
+    """
+    jobs = arguments.jobs or (1 if arguments.quick else os.cpu_count() or 1)
     with ExitStack() as stack:
-        yield Pool(workers, stack)
+        yield Pool(find_workers(jobs, arguments.dask), stack)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks.harness import pool as pools
 from benchmarks.harness.pool import Pool, add_pool_options
 from robocup_vision.workers import this_process
 
@@ -39,12 +40,16 @@ def test_workers_stay_for_several_rounds():
     assert opened == [True]
 
 
-def test_options_of_a_pool():
+def test_options_of_a_pool(monkeypatch):
     parser = argparse.ArgumentParser()
+    parser.add_argument("--quick", action="store_true")
     add_pool_options(parser)
-    arguments = parser.parse_args([])
-    assert (arguments.jobs, arguments.dask) == (os.cpu_count(), None)
-    assert parser.parse_args(["--dask", "tcp://host:8786"]).dask == "tcp://host:8786"
+    asked = []
+    monkeypatch.setattr(pools, "find_workers", lambda jobs, dask: asked.append((jobs, dask)) or this_process())
+    for given in ([], ["--quick"], ["--quick", "--jobs", "3"], ["--quick", "--dask", "tcp://host:8786"]):
+        with pools.open_pool(parser.parse_args(given)) as pool:
+            assert list(pool.map(double, [1])) == [2]
+    assert asked == [(os.cpu_count(), None), (1, None), (3, None), (1, "tcp://host:8786")]
 
 
 @pytest.mark.slow
