@@ -1,10 +1,10 @@
 """A mirror camera calibrated by unlabelled images: rendered with a true camera unlike the one given, and photographs.
 
-Rendered at 256 x 220 on ssl_2001, nominal disturbances, robot anywhere, 0 to 8 boxes in the way, ten images a
-calibration; the true camera's centre is off by (0.6, -0.5) px and its tilt by (0.3, -0.2) degrees from that of the
-paper.
+Rendered at 256 x 220 on ssl_2001, nominal disturbances, robot anywhere, 0 to 8 boxes in the way, ten images (--quick:
+five) a calibration; the true camera's centre is off by (0.6, -0.5) px and its tilt by (0.3, -0.2) degrees from that of
+the paper.
 
-"accuracy": one calibration; then 300 other images (--quick: 10) are located with the start and with the result.
+"accuracy": one calibration; then 300 other images (--quick: 4) are located with the start and with the result.
 "near": the paper's camera as the start. "5 px, 5 %": a start whose centre is 5 px and whose curve's two main numbers
 (scale near the centre, and horizon) are 5 % off. Errors count modulo a half turn.
 
@@ -42,7 +42,6 @@ from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.random_scenes import CONDITIONS, Sample, sample
 
 OUT = Path("out") / "calibration"
-IMAGES = 10
 MAX_SECONDS = 20.0
 CONVERGED_M = 0.005
 FIELD, GIVEN = load_field("ssl_2001"), sekimori_camera()
@@ -92,10 +91,10 @@ def accuracy(camera: OmniCamera, samples: list[Sample]) -> tuple[float, float]:
     return float(np.mean((distance <= 0.05) & (angle <= math.radians(3)))), float(np.median(distance))
 
 
-def measure_accuracy(seed: int, quick: bool) -> None:
+def measure_accuracy(seed: int, images_a_time: int, count: int) -> None:
     """Located images before and after, with targets."""
-    others = list(frames(seed + 1, 10 if quick else 300))
-    images = [one.frame for one in frames(seed, IMAGES)]
+    others = list(frames(seed + 1, count))
+    images = [one.frame for one in frames(seed, images_a_time)]
     rng = np.random.default_rng(seed)
     columns = "accuracy       | within 5 cm/3 deg: rate | median mm: error | target | verdict"
     table = Table(columns, name="accuracy", samples=len(others))
@@ -115,7 +114,7 @@ def measure_accuracy(seed: int, quick: bool) -> None:
         table.row(f"{name}, after", percent(ratio), 1e3 * median_m, target, verdict(ok))
 
 
-def measure_convergence(seed: int, trials: int) -> None:
+def measure_convergence(seed: int, images_a_time: int, trials: int) -> None:
     """Calibrations that end at the true camera, of many, with their time."""
     table = Table(
         (
@@ -128,7 +127,7 @@ def measure_convergence(seed: int, trials: int) -> None:
     for name in ("20 %, 10 px", "none"):
         errors, seconds, refused = [], [], 0
         for trial in range(trials):
-            images = [one.frame for one in frames(seed + 100 + trial, IMAGES)]
+            images = [one.frame for one in frames(seed + 100 + trial, images_a_time)]
             rng = np.random.default_rng([seed, trial])
             start = None if name == "none" else start_off(10.0, 0.2, rng)
             begin = process_time()
@@ -211,8 +210,9 @@ def measure_photographs(quick: bool) -> None:
 @program()
 def main(arguments: Namespace) -> None:
     """Measure and print."""
+    images, others, trials = (5, 4, 1) if arguments.quick else (10, 300, 100) if arguments.full else (10, 300, 40)
     # compiled, and caches filled, before anything is timed
     calibrate_omni(FIELD, [one.frame for one in frames(arguments.seed, 2)], GIVEN)
-    measure_accuracy(arguments.seed, arguments.quick)
-    measure_convergence(arguments.seed, 1 if arguments.quick else 100 if arguments.full else 40)
+    measure_accuracy(arguments.seed, images, others)
+    measure_convergence(arguments.seed, images, trials)
     measure_photographs(arguments.quick)

@@ -1,10 +1,10 @@
 """Frames a second of several threads, each with its own `Vision`, beside one thread and beside several processes.
 
 Cameras: the mirror camera of ssl_2001 at 256 x 220 and 640 x 480, look and steer, and a walking dog's forward camera of
-208 x 160, look. Each of 20 different frames (--quick: 6) is looked at by a prior off by about what odometry adds; those
+208 x 160, look. Each of 20 different frames (--quick: 3) is looked at by a prior off by about what odometry adds; those
 of the forward camera are 6 of a walk, each by its own pose before.
 
-Rounds of 300 mirror frames or 100 forward ones a worker (--quick: 60 and 20; --full: 1000 and 300) are run by one
+Rounds of 300 mirror frames or 100 forward ones a worker (--quick: 20 and 6; --full: 1000 and 300) are run by one
 thread, by two threads, by four threads (four cameras) and by two processes, in turns, 7 rounds each (--quick: 3), so
 that a slow moment of the machine meets all of them; figures are of medians. "2 threads" over one thread is at most 2
 on two cores that nothing else uses; the column of two processes says how much of the second core the machine gave
@@ -145,8 +145,8 @@ def measure(name: str, workers: list[Work], count: int, rounds: int, table: Tabl
 @program()
 def main(arguments: Namespace) -> None:
     """Measure and print."""
-    different, rounds = (6, 3) if arguments.quick else (20, 7)
-    mirror, forward = (60, 20) if arguments.quick else (1000, 300) if arguments.full else (300, 100)
+    different, rounds = (3, 3) if arguments.quick else (20, 7)
+    mirror, forward = (20, 6) if arguments.quick else (1000, 300) if arguments.full else (300, 100)
     columns = (
         "camera            | ms of processor | frames/s | 2 threads: score | 4 threads: score | 2 processes | "
         "threads/processes: score"

@@ -6,7 +6,7 @@ drive the same courses where the same wayfinder leads them: 5 to 10 cubes of 0.1
 with noise, localisation, slipping wheels and dead time. Courses count where a planner with the truth finds a way
 with 3 cm of clearance. The default drives the first 16 courses at each speed and 16 pockets, --full all 500 and 100.
 Judged is the first speed. Whatever the velocity-aware steering touches or does not reach is listed below the table.
---jobs N: on how many processes (default: one a core); the figures do not depend on it. --aware: the velocity-aware
+--jobs N: on how many processes; the figures do not depend on it. --aware: the velocity-aware
 steering alone, at the first speed, which --full then drives through in minutes instead of hours.
 """
 
@@ -141,7 +141,7 @@ def jobs(count: int, pockets: int, seed: int, *, aware: bool) -> Iterator[Job]:
 @program({"--aware": {"action": "store_true", "help": "the velocity-aware steering alone"}}, pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    count, pockets = (2, 1) if arguments.quick else (500, 100) if arguments.full else (16, 16)
+    count, pockets = (1, 1) if arguments.quick else (500, 100) if arguments.full else (16, 16)
     todo = list(jobs(count, pockets, arguments.seed, aware=arguments.aware))
     driven = dict(zip(todo, pool.map(one, todo), strict=True))
     table = Table(

@@ -1,9 +1,9 @@
 """Driving across the ways of robots that do not give way: steering with and without the obstacles' velocities.
 
-A robot shuttles over 3 m for 20 s while six others cross its way to and fro at 0.3 to 1.0 m/s, blind to it, on a field
-4 m wide. It sees them as in tracking.py, by noisy ranges with misses and specks, 30 times a second; `MovingObjects`
-tracks them. On ssl_2001, 1.5 m wide, four of them speed up or brake half of the time, which nothing predicts: that
-row is no acceptance.
+A robot shuttles over 3 m for 20 s (--quick: 5 s) while six others cross its way to and fro at 0.3 to 1.0 m/s, blind to
+it, on a field 4 m wide. It sees them as in tracking.py, by noisy ranges with misses and specks, 30 times a second;
+`MovingObjects` tracks them. On ssl_2001, 1.5 m wide, four of them speed up or brake half of the time, which nothing
+predicts: that row is no acceptance.
 All ways of steering get the same ranges (the middle of three frames, as the player's). A contact is the robot's own
 fault if it moves towards the other at more than 0.05 m/s when they touch: a standing robot that is run into is not to
 blame. Legs are ways from one end to the other, so that nothing is won by standing still.
@@ -32,7 +32,6 @@ from sim2d.world.world import World
 LIMITS = RobotLimits(speed_mps=1.0)
 SPEED_MPS, MARGIN_M = 0.6, 0.02
 CROSSING_MPS = (0.3, 1.0)
-SECONDS = 20.0
 AT_FAULT_MPS = 0.05
 MAX_RATIO = 0.2
 PLAIN, TRACKED, TOLD = METHODS = ("without velocities", "tracks", "true places and velocities")
@@ -79,9 +78,9 @@ class Crossing:
         return Command(c * vx + s * vy, c * vy - s * vx, 0.0)
 
 
-def drive(job: tuple[Place, str, int, int]) -> Outcome:
-    """Drive a run: where, by which method, of which seed and number."""
-    place, method, seed, run = job
+def drive(job: tuple[Place, str, int, int, float]) -> Outcome:
+    """Drive a run: where, by which method, of which seed and number, for how many seconds."""
+    place, method, seed, run, seconds = job
     rng = np.random.default_rng([seed, run])
     field, others = place.field, place.others
     lanes = np.linspace(-place.lanes_m, place.lanes_m, others) + rng.uniform(-0.08, 0.08, others)
@@ -103,7 +102,7 @@ def drive(job: tuple[Place, str, int, int]) -> Outcome:
     outcome = Outcome()
     began_m = starts[0].x_m
     velocity_before = (0.0, 0.0)
-    while world.t_s < SECONDS:
+    while world.t_s < seconds:
         robots = world.state.robots
         truth, places = robots[0].pose, np.array([[r.pose.x_m, r.pose.y_m] for r in robots[1:]])
         velocities = np.array([r.velocity_mps for r in robots[1:]])
@@ -160,9 +159,10 @@ def drive(job: tuple[Place, str, int, int]) -> Outcome:
 @program(pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    runs = 2 if arguments.quick else 60 if arguments.full else 16
+    runs, seconds = (2, 5.0) if arguments.quick else (60, 20.0) if arguments.full else (16, 20.0)
     count = {WIDE.name: runs, NARROW.name: runs // 2}
-    jobs = [(p, method, arguments.seed, run) for p in PLACES for method in METHODS for run in range(count[p.name])]
+    ways = [(place, method) for place in PLACES for method in METHODS]
+    jobs = [(*way, arguments.seed, run, seconds) for way in ways for run in range(count[way[0].name])]
     outcomes = list(pool.map(drive, jobs))
     columns = "field      | steering: label | runs | own contacts: count | all: count | legs a run: score | verdict"
     table = Table(columns, name="contacts", samples=runs)

@@ -4,7 +4,7 @@ Section 5.1 and figure 9 of the paper: a robot of 0.4 m/s and 0.3 m/s2 goes to a
 without a touch with and without regard to its velocity; how fast is not printed. "As printed": 6 x 32 cells, r_th 0.8,
 T_th 2.75 s, nothing remembered of earlier frames and no wayfinder; slower speeds are tried where the full one is not
 safe, as ours does. "Ours": as in avoidance.py. The courses are the first of avoidance.py whose straight way two cubes
-block and that have a way with 3 cm of clearance. A drive ends after 60 s (--quick: 15 s). --picture FILE: also draws
+block and that have a way with 3 cm of clearance. A drive ends after 60 s (--quick: 12 s). --picture FILE: also draws
 the ways through the first course that all reach (if none, the first), the robot every 1/3 s, as the figure does.
 """
 
@@ -37,7 +37,7 @@ from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 
 FIELD, CAMERA = load_field("ssl_2001"), sekimori_camera()
 LIMITS = RobotLimits(speed_mps=0.4, acceleration_mps2=0.3)
-PATIENCE_S, QUICK_PATIENCE_S, PICTURED_EVERY_S = 60.0, 15.0, 1 / 3
+PATIENCE_S, QUICK_PATIENCE_S, PICTURED_EVERY_S = 60.0, 12.0, 1 / 3
 _PRINTED = {"time_threshold_s": 2.75, "directions": PRINTED_PERCEPTION.directions, "keep_side": False}
 
 

@@ -125,7 +125,7 @@ def _may_hide(robot: np.ndarray, ball: np.ndarray) -> bool:
 @program()
 def main(arguments: Namespace) -> None:
     """Measure and print."""
-    count = 12 if arguments.quick else 600 if arguments.full else 120
+    count = 6 if arguments.quick else 600 if arguments.full else 120
     pictures = [picture(arguments.seed, index) for index in range(count)]
     with_ball = sum(one.place_m is not None and not one.is_hidden for one in pictures)
     table = Table(

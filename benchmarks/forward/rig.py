@@ -178,7 +178,7 @@ def main(arguments: Namespace) -> None:
     """Measure and print."""
     rig, unit = make_rig(), list[float]()
     kinds = {name: Followed() for name in ("one camera", "rig of four", "a frame missing", "late")}
-    walks, count, places, seconds = (1, 20, 8, 2.0) if arguments.quick else (2, 40, 24, 6.0)
+    walks, count, places, seconds = (1, 9, 3, 0.5) if arguments.quick else (2, 40, 24, 6.0)
     for seed in range(arguments.seed, arguments.seed + walks):
         follow(rig, kinds, seed, count, unit)
     columns = (

@@ -7,7 +7,7 @@ every picture and answers as a browser does; what a browser draws with is not co
 with pages. Times by the clock say something on an undisturbed machine only: the load is told, and beside them stand
 times of the loop's own thread on the processor, which other programs disturb less.
 
-Memory: 6000 frames (--quick: 600; --full: 108000, an hour's) of 256 x 220 with their times 1/30 s apart, as fast as
+Memory: 6000 frames (--quick: 150; --full: 108000, an hour's) of 256 x 220 with their times 1/30 s apart, as fast as
 they are shown, with a history of 2 s; how much the page's process, and this one, grew after the first third.
 """
 
@@ -137,6 +137,6 @@ def measure_memory(count: int, seed: int) -> None:
 @program()
 def main(arguments: Namespace) -> None:
     """Run both parts."""
-    blocks, seconds = (1, 3.0) if arguments.quick else (8, 15.0) if arguments.full else (5, 8.0)
+    blocks, seconds = (1, 1.5) if arguments.quick else (8, 15.0) if arguments.full else (5, 8.0)
     measure_loop(blocks, seconds, arguments.seed)
-    measure_memory(600 if arguments.quick else 108_000 if arguments.full else 6000, arguments.seed)
+    measure_memory(150 if arguments.quick else 108_000 if arguments.full else 6000, arguments.seed)

@@ -17,7 +17,7 @@ from sim2d.match.disturbances import LEGS, NONE, Disturbances
 from sim2d.match.run import MatchPlan
 
 # (matches, seconds each)
-QUICK, DEFAULT, FULL = (1, 2.0), (2, 10.0), (40, 60.0)
+QUICK, DEFAULT, FULL = (1, 0.6), (2, 10.0), (40, 60.0)
 FIELD = "four_legged_2007"
 MIN_NEAR, MAX_LOST_S = 0.97, 0.7
 

@@ -25,10 +25,10 @@ from sim2d.match.run import MatchPlan
 from sim2d.match.tournament import plan_matches, play_plan
 from sim2d.sensors.faults import BodyFault, Fault, SenseFault
 
-# (matches, seconds each, matches with faults, seconds of the soak)
-QUICK, DEFAULT, FULL = (1, 20.0, 1, 20.0), (4, 40.0, 3, 60.0), (10, 120.0, 9, 3600.0)
+# (matches, seconds each, matches with faults, seconds from fault to fault of a robot, seconds of the soak)
+QUICK, DEFAULT, FULL = (1, 5.0, 1, 2.3, 4.0), (4, 40.0, 3, 4.0, 60.0), (10, 120.0, 9, 4.0, 3600.0)
 MIN_NEAR, MAX_LOST_S, MAX_STUCK_S, MAX_RECOVERY_S, MAX_GROWTH = 0.95, 0.5, 5.0, 1.0, 0.05
-FAULT_SPACING_S, FAULTS_PER_ROBOT = 4.0, 5
+FAULTS_PER_ROBOT = 5
 KINDS = (
     "30 % of frames dropped",
     "frames 100 ms late",
@@ -62,18 +62,18 @@ def make_fault(kind: str, robot: int, t_s: float, rng: np.random.Generator) -> F
     return SenseFault(robot, "frozen" if kind == "frozen" else "black", t_s, until_s)
 
 
-def faulty_plan(seed: int, index: int) -> tuple[MatchPlan, dict[tuple[int, float], str]]:
+def faulty_plan(seed: int, index: int, spacing_s: float) -> tuple[MatchPlan, dict[tuple[int, float], str]]:
     """Return a match in which each robot has a fault every few seconds, and the kind of each by robot and time."""
     rng = np.random.default_rng([seed, index])
     kinds = {}
     faults = []
     for robot in range(4):
         for turn in range(FAULTS_PER_ROBOT):
-            t_s = round(3.0 + FAULT_SPACING_S * turn, 6)
+            t_s = round(3.0 + spacing_s * turn, 6)
             kind = KINDS[(robot + 2 * turn + index * 5) % len(KINDS)]
             kinds[robot, t_s] = kind
             faults.append(make_fault(kind, robot, t_s, rng))
-    seconds = 3.0 + FAULT_SPACING_S * FAULTS_PER_ROBOT
+    seconds = 3.0 + spacing_s * FAULTS_PER_ROBOT
     return MatchPlan(seconds=seconds, seed=seed + index, faults=tuple(faults)), kinds
 
 
@@ -118,9 +118,9 @@ def judge_matches(seed: int, matches: int, seconds: float, pool: Pool) -> None:
     goal_table.row("both sides", goals, minutes, goals / minutes, "some", verdict(goals > 0))
 
 
-def judge_faults(seed: int, matches: int, pool: Pool) -> None:
+def judge_faults(seed: int, matches: int, spacing_s: float, pool: Pool) -> None:
     """Play disturbed matches, print a row for each kind of fault, and judge the whole."""
-    planned = [faulty_plan(seed + 1000, index) for index in range(matches)]
+    planned = [faulty_plan(seed + 1000, index, spacing_s) for index in range(matches)]
     results = list(pool.map(play_plan, [plan for plan, _ in planned]))
     recoveries: dict[str, list[float]] = {kind: [] for kind in KINDS}
     for (_, kinds), result in zip(planned, results, strict=True):
@@ -143,7 +143,7 @@ def judge_faults(seed: int, matches: int, pool: Pool) -> None:
 def soak(seed: int, seconds: float) -> None:
     """Play one long match in this process and judge how its memory grows once all is warm."""
     match = MatchPlan(seconds=seconds, seed=seed).begin()
-    warm_s = max(seconds / 20, 10.0)
+    warm_s = max(seconds / 20, min(10.0, seconds / 2))
     for _ in match.play(warm_s):
         pass
     before = resident_mb()
@@ -176,8 +176,8 @@ def soak(seed: int, seconds: float) -> None:
 @program(pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    matches, seconds, faulty, soak_s = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
+    matches, seconds, faulty, spacing_s, soak_s = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     judge_matches(arguments.seed, matches, seconds, pool)
-    judge_faults(arguments.seed, faulty, pool)
+    judge_faults(arguments.seed, faulty, spacing_s, pool)
     if math.isfinite(resident_mb()):
         soak(arguments.seed, soak_s)

@@ -14,7 +14,7 @@ Matches with forward cameras: `MatchPlan`, as `robocup-vision match --field F` p
 default, without film and report: four robots on four_legged_2007 (208 x 160) and twelve on division B. Simulated
 seconds over the processor's, one thread, the first second left out.
 
-With the film: `run_match`, which writes film and report, 30 simulated seconds (--quick: 6, --full: 120), on the wall
+With the film: `run_match`, which writes film and report, 30 simulated seconds (--quick: 1, --full: 120), on the wall
 clock, since a thread of its own draws and encodes: the target needs two cores that nothing else uses. The same play
 without any files is run before and after it; their mean says what the machine gave meanwhile. Both times are on the
 clock and of the processor, and the film's size is that of a minute.
@@ -154,7 +154,7 @@ def measure_forward_matches(simulated_s: float, seed: int) -> None:
     table = Table(columns, f"{simulated_s:g} s of play", name="real time, forward")
     for field_name, players, least in FORWARD_MATCHES:
         match = MatchPlan(field_name, players=players, seconds=simulated_s + 1.0, seed=seed).begin()
-        for _ in match.play(1.0):
+        for _ in match.play(min(1.0, simulated_s)):
             pass
         began = process_time()
         for _ in match.play(simulated_s):
@@ -205,9 +205,9 @@ def measure_film(simulated_s: float, seed: int) -> None:
 @program()
 def main(arguments: Namespace) -> None:
     """Measure and print."""
-    frames, simulated_s = (200, 10.0) if arguments.quick else (3000, 180.0) if arguments.full else (1000, 60.0)
+    frames, simulated_s = (60, 2.0) if arguments.quick else (3000, 180.0) if arguments.full else (1000, 60.0)
     measure_rendering(frames, arguments.seed)
     measure_forward(frames, arguments.seed)
     measure_match(simulated_s, arguments.seed)
-    measure_forward_matches(5.0 if arguments.quick else 30.0, arguments.seed)
-    measure_film(6.0 if arguments.quick else 120.0 if arguments.full else 30.0, arguments.seed)
+    measure_forward_matches(0.3 if arguments.quick else 30.0, arguments.seed)
+    measure_film(1.0 if arguments.quick else 120.0 if arguments.full else 30.0, arguments.seed)

@@ -28,7 +28,7 @@ from sim2d.players.catalog import player_factory
 from sim2d.sensors.team_channel import ChannelSettings
 
 # (matches, seconds each)
-QUICK, DEFAULT, FULL = (1, 2.0), (3, 6.0), (40, 60.0)
+QUICK, DEFAULT, FULL = (1, 0.6), (3, 6.0), (40, 60.0)
 NEAR_M, MIN_RATIO = 0.2, 1.3
 LOSSES = (0.1, 0.5)
 FIELDS = (("four_legged_2007", 3), ("ssl_2001", 2))

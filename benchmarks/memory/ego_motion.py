@@ -272,7 +272,7 @@ def print_rows(table: Table, figures: Callable[[str], list[Result]], is_judged: 
 @program(pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    runs = 2 if arguments.quick else 100 if arguments.full else 20
+    runs = 1 if arguments.quick else 100 if arguments.full else 20
     driven = list(pool.map(one, [(arguments.seed, 6, index) for index in range(runs)]))
     for source in SOURCES:
         for count, stride in SETTINGS:

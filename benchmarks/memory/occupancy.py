@@ -36,7 +36,6 @@ LIGHTS = ("plain", "glare", "shadow", "glare_shadow")
 GLARE = ("glare", "glare_shadow")
 METHODS = ("map", "both free", "summed", "floor alone", "range alone")
 FIELDS_TIMED = ("ssl_2001", "ssl_division_a")
-FRAMES = 80
 FIRST_COUNTED, COUNTED_EVERY = 10, 5
 # light that hides the floor's colour
 GLARE_LEVEL = 20.0
@@ -102,13 +101,13 @@ def glaring(frame: SensorFrame, centers_m: FloatArray) -> BoolArray:
     return glare
 
 
-def drive(job: tuple[str, int, int]) -> tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def drive(job: tuple[str, int, int, int]) -> tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """One run: per method (occupied called free, occupied, free called free, free, the same two in glare).
 
     And of the map's free ranges: how many lead farther than a cell's diagonal into something, how many there are, and
     the sums of theirs and of the true ones up to the camera's reach, millimetres.
     """
-    kind, seed, number = job
+    kind, seed, number, frames = job
     own = FreeSpaceMap()
     summed = SummedGrid(own)
     field = load_field(FIELD)
@@ -117,7 +116,7 @@ def drive(job: tuple[str, int, int]) -> tuple[str, npt.NDArray[np.int64], npt.ND
     counts = np.zeros((len(METHODS), 6), dtype=np.int64)
     ranges = np.zeros(4, dtype=np.int64)
     truth: CellTruth | None = None
-    for index, frame in enumerate(sensor_run(field, CAMERA, KINDS[kind], rng, frames=FRAMES)):
+    for index, frame in enumerate(sensor_run(field, CAMERA, KINDS[kind], rng, frames=frames)):
         if truth is None:
             truth = CellTruth(frame.scene, own.cell_m)
             near, seen, glare = (np.zeros(truth.free.shape, dtype=np.bool_) for _ in range(3))
@@ -159,16 +158,16 @@ def true_ranges(frame: SensorFrame, bearing_rad: FloatArray) -> FloatArray:
     return scene.free_range_m(frame.pose, bearing_rad)
 
 
-def smear(job: tuple[int, int]) -> npt.NDArray[np.int64]:
+def smear(job: tuple[int, int, int]) -> npt.NDArray[np.int64]:
     """One run with movers, with masks and without: cells that a mover has left, of them not free, of them no-go."""
-    seed, number = job
+    seed, number, frames = job
     maps = [FreeSpaceMap(), FreeSpaceMap()]
     rng = np.random.default_rng([seed, len(LIGHTS), number])
     tracks = np.random.default_rng([seed, len(LIGHTS), number, 1])
     counts = np.zeros((2, 3), dtype=np.int64)
     truth: CellTruth | None = None
     reach_m = maps[0].sensors["floor"].reach_m
-    for index, frame in enumerate(sensor_run(load_field(FIELD), CAMERA, KINDS["movers"], rng, frames=FRAMES)):
+    for index, frame in enumerate(sensor_run(load_field(FIELD), CAMERA, KINDS["movers"], rng, frames=frames)):
         if truth is None:
             truth = CellTruth(frame.scene, maps[0].cell_m)
             centers = truth.centers_m
@@ -270,22 +269,22 @@ def accuracy(runs: Iterator[tuple[str, npt.NDArray[np.int64], npt.NDArray[np.int
 @program(pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    runs = 1 if arguments.quick else 20 if arguments.full else 6
+    runs, frames = (1, 26) if arguments.quick else (20, 80) if arguments.full else (6, 80)
     for name, model in default_sensors().items():
         print(
             f"{name}: P(O|E) {model.hit_if_occupied:.3f}, P(O|not E) {model.hit_if_free:.3f}, "
             f"n_req {model.observations_needed(0.1)}, reach {model.reach_m} m"
         )
-    jobs = [(kind, arguments.seed, number) for kind in LIGHTS for number in range(runs)]
+    jobs = [(kind, arguments.seed, number, frames) for kind in LIGHTS for number in range(runs)]
     accuracy(pool.map(drive, jobs))
-    swept = np.sum(list(pool.map(smear, [(arguments.seed, number) for number in range(runs)])), axis=0)
+    swept = np.sum(list(pool.map(smear, [(arguments.seed, number, frames) for number in range(runs)])), axis=0)
     columns = "cells that moving robots have left | cells | not free %: loss | no-go %: loss | verdict"
     table = Table(columns, name="smear", samples=CELL_SAMPLES)
     masked, plain = (row / max(int(row[0]), 1) for row in swept)
     is_clean = bool(masked[2] <= 0.2 * plain[2])
     for name, row, part in (("masked by tracks", swept[0], masked), ("not masked", swept[1], plain)):
         table.row(name, int(row[0]), percent(part[1]), percent(part[2]), verdict(is_clean) if part is masked else None)
-    best, asking = seconds_per_update(arguments.seed, 5 if arguments.quick else 20)
+    best, asking = seconds_per_update(arguments.seed, 3 if arguments.quick else 20)
     table = Table("a move and an update by both sensors | ms | ratio: time ratio | verdict", name="time")
     small, large = (best[name] for name in FIELDS_TIMED)
     is_level = large / small <= MAX_TIME_RATIO

@@ -51,9 +51,9 @@ def milliseconds(films: Sequence[Sequence[Frame]]) -> FloatArray:
 @program(pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    runs, few = (4, 2) if arguments.quick else (60, 60) if arguments.full else (60, 10)
+    runs, few, crowds = (2, 1, 1) if arguments.quick else (60, 60, 4) if arguments.full else (60, 10, 4)
     films = list(pool.map(partial(film, FIELD), [[arguments.seed, k] for k in range(runs)]))
-    eight = list(pool.map(partial(film, FIELD, others=8), [[arguments.seed, k, 8] for k in range(4)]))
+    eight = list(pool.map(partial(film, FIELD, others=8), [[arguments.seed, k, 8] for k in range(crowds)]))
     detections = [len(frame.detections) for frames in films for frame in frames]
     in_view = [frame.in_view for frames in films for frame in frames]
     table = Table(

@@ -318,7 +318,7 @@ OPTIONS = {
 @program(OPTIONS)
 def main(arguments: Namespace) -> None:
     """Run all parts."""
-    size = 0.2 if arguments.quick else 5.0 if arguments.full else 1.0
+    size = 0.05 if arguments.quick else 5.0 if arguments.full else 1.0
     measure_speed(20 * size)
     measure_punctuality(20 * size)
     measure_decoders(round(200_000 * size), arguments.seed)

@@ -121,7 +121,7 @@ def measure_tracker(entries: list[LogEntry]) -> None:
 @program({"--opponents": {"default": "overhead", "help": "overhead (default), plain, memory or planning"}})
 def main(arguments: Namespace) -> None:
     """Play, and print both tables."""
-    seconds = 15.0 if arguments.quick else 600.0 if arguments.full else 30.0
+    seconds = 7.0 if arguments.quick else 600.0 if arguments.full else 30.0
     referee, halts, entries = play(arguments.opponents, seconds, arguments.seed)
     ours = [foul for foul in referee.fouls if foul.side > 0]
     in_stop = sum(foul.kind in STOP_FOULS for foul in ours)

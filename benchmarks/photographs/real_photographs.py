@@ -9,7 +9,7 @@ line_points_a_center.csv, which the fit never sees (though the camera file was f
 points found in the photograph are cut into sectors of 30 degrees; the pose is searched by every other sector's points
 alone, and the distance is that of the points in the sectors left out; both halves together. These include whatever was
 taken for a line and is none. "search": `LinePoseEstimator.locate`; "look": the whole `Vision.look`, colours learnt
-within; medians of 9 (--quick: 3, --full: 50). Overlays are written to out/real_photographs.
+within; medians of 9 (--quick: 1, --full: 50). Overlays are written to out/real_photographs.
 
 The forward camera: six photographs from a small-size robot, with poses from overhead cameras, most of them while it
 moves, so that the given pose is that of another moment (drawn from it, the lines lie up to 5 degrees beside those in
@@ -18,14 +18,14 @@ mean errors of prior and refined pose stand side by side; "stiff": with tilt and
 
 Further rows stand in modules of their own, named in `ROW_MODULES`: balls, poses, whether those err as their covariances
 say, what `check` says, free floor, and kinds of obstacles, for which networks are trained (all but the first not in the
-quick size: they take minutes).
+quick size: they take minutes; of photographs of other things every tenth is looked at there).
 """
 
 from __future__ import annotations
 
 import math
 from argparse import Namespace
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -54,8 +54,9 @@ PHOTOGRAPHS = (("omni_msl_6x4", "a_center.png"), ("omni_msl_6x4_b", "b_center.pn
 REFERENCE, MAX_OFF_M, MAX_OFF_RAD = Pose2(0.102, 0.048, math.radians(-1.5)), 0.03, math.radians(1.0)
 MAX_MEDIAN_M, MAX_P90_M, MAX_SEARCH_MS = 0.02, 0.05, 150.0
 SECTORS = 12
-# each has a tuple ROWS of functions that measure one row
-ROW_MODULES: dict[str, tuple[Callable[[], PhotographRow | None], ...]] = {
+# by the table's name, functions that measure one row
+Rows = dict[str, tuple[Callable[[], PhotographRow | None], ...]]
+ROW_MODULES: Rows = {
     "balls": balls.ROWS,
     "poses": poses.ROWS,
     "fisheyes": fisheyes.ROWS,
@@ -64,7 +65,7 @@ ROW_MODULES: dict[str, tuple[Callable[[], PhotographRow | None], ...]] = {
     "floor": floor.ROWS,
     "kinds": fisheyes.KIND_ROWS,
 }
-QUICK_MODULES = ("balls",)
+QUICK_MODULES: Rows = {"balls": balls.QUICK_ROWS}
 ONBOARD, ONBOARD_FIELD = (
     "onboard_ssl",
     Path(__file__).resolve().parents[2] / "tests" / "data" / "onboard_ssl_field.toml",
@@ -145,10 +146,9 @@ def error_text(errors: list[FloatArray], which: int) -> str:
     return f"{away:.3f}, {math.degrees(turn):.1f}"
 
 
-def measured_rows(modules: Iterable[str]) -> None:
+def measured_rows(modules: Rows) -> None:
     """Print the rows of modules."""
-    for name in modules:
-        measure = ROW_MODULES[name]
+    for name, measure in modules.items():
         table = Table(f"{name:<28} | measured | target | verdict: verdict", name=name)
         for one in measure:
             row = one()
@@ -161,7 +161,7 @@ def measured_rows(modules: Iterable[str]) -> None:
 @program()
 def main(arguments: Namespace) -> None:
     """Measure and print."""
-    repeats = 3 if arguments.quick else 50 if arguments.full else 9
+    repeats = 1 if arguments.quick else 50 if arguments.full else 9
     field = load_field("msl_6x4")
     line_map = LineMap(field)
     for folder, name in PHOTOGRAPHS:

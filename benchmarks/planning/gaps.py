@@ -273,7 +273,7 @@ def measure_fork() -> None:
     table.row("from the detour's side (0) to the gap's (1)", *ends, verdict(ok))
 
 
-def measure_passage(count: int, aside_m: float, seed: int, pool: Pool) -> None:
+def measure_passage(count: int, few: int, draws: int, aside_m: float, seed: int, pool: Pool) -> None:
     """Print the table of expected passage times."""
     narrowest = 1000 * gap_choices.passage_times().narrowest_m
     table = Table(
@@ -283,14 +283,14 @@ def measure_passage(count: int, aside_m: float, seed: int, pool: Pool) -> None:
         ),
         f"rows of gaps up to {aside_m:g} m aside, and a way round; no safe speed below {narrowest:.0f} mm",
         name=f"passage, {aside_m:g} m",
-        samples=count // 10,
+        samples=few,
     )
     touched = 0.0
     for rule, ways, rows in (
         ("mean width", gap_choices.AGAIN, count),
-        ("shortest way", (gap_choices.JUDGED,), count // 10),
+        ("shortest way", (gap_choices.JUDGED,), few),
     ):
-        jobs = [gap_choices.RowJob(seed, number, aside_m, rule, ways) for number in range(rows)]
+        jobs = [gap_choices.RowJob(seed, number, aside_m, rule, ways, draws) for number in range(rows)]
         found = np.array([row for row in pool.map(gap_choices.row_seconds, jobs, chunksize=20) if row is not None])
         oracle_s, touched = float(found[:, -2].mean()), max(touched, float(found[:, -1].mean()))
         for k, again in enumerate(ways):
@@ -333,10 +333,12 @@ def measure_times(drives: int, seed: int) -> None:
 @program(pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    count, brute, drives = (30, 2, 4) if arguments.quick else (2000, 60, 20) if arguments.full else (400, 12, 10)
+    count, brute, drives = (10, 1, 2) if arguments.quick else (2000, 60, 20) if arguments.full else (400, 12, 10)
+    # rows of each kind, and how often the widths of a row are drawn
+    rows, few, draws = (25, 5, 2) if arguments.quick else (5 * count, count // 2, 6)
     measure_gates(count, brute, drives, arguments.seed)
     measure_fork()
     measure_times(count // 10, arguments.seed)
     # opponents across a field; and close together, where turning back costs next to nothing
-    measure_passage(5 * count, 2.5, arguments.seed, pool)
-    measure_passage(5 * count, 1.0, arguments.seed, pool)
+    measure_passage(rows, few, draws, 2.5, arguments.seed, pool)
+    measure_passage(rows, few, draws, 1.0, arguments.seed, pool)

@@ -128,7 +128,7 @@ def ask(case: Case, rule: str) -> Asked:
 @program(pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    runs = 16 if arguments.quick else 1200 if arguments.full else 600
+    runs = 5 if arguments.quick else 1200 if arguments.full else 600
     all_asked = list(pool.map(ask_all, [[arguments.seed, 11, i] for i in range(runs)], chunksize=10))
     asked = {rule: [of_rule[rule] for of_rule in all_asked] for rule in RULES}
     # rules are compared where each has an answer: without one, a count of looks says when patience ended

@@ -158,7 +158,7 @@ def measure_unknown(runs: int, others: int, seed: int, pool: Pool) -> None:
 @program(pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    runs = 30 if arguments.quick else 1500 if arguments.full else 300
-    hidden, others = (20, 10) if arguments.quick else (1500, 150)
+    runs = 9 if arguments.quick else 1500 if arguments.full else 300
+    hidden, others = (6, 3) if arguments.quick else (1500, 150)
     measure_unknown(hidden, others, arguments.seed, pool)
     measure_known(runs, arguments.seed)

@@ -149,7 +149,7 @@ def measure_replay(seconds: float, seed: int) -> None:
 @program()
 def main(arguments: Namespace) -> None:
     """Run all parts."""
-    rounds = 2 if arguments.quick else 24 if arguments.full else 8
-    seconds = 6.0 if arguments.quick else 60.0
+    rounds = 1 if arguments.quick else 24 if arguments.full else 8
+    seconds = 1.0 if arguments.quick else 60.0
     measure_cost(rounds, arguments.seed)
     measure_replay(seconds, arguments.seed)

@@ -232,7 +232,7 @@ class RowJob:
     aside_m: float
     rule: str
     again: tuple[str, ...]
-    draws: int = 6
+    draws: int
     errors: Errors = MATCHED
 
 
