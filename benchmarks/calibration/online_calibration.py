@@ -45,7 +45,7 @@ from sim2d.sensors.true_cameras import CameraErrorSettings
 Camera = OmniCamera | PinholeCamera
 
 # (pairs of robots, seconds of the rows)
-QUICK, DEFAULT, FULL = (1, (5.0, 10.0)), (1, (10.0, 30.0, 60.0)), (8, (10.0, 30.0, 60.0))
+QUICK, DEFAULT, FULL = (1, (1.0, 2.0)), (1, (10.0, 30.0, 60.0)), (8, (10.0, 30.0, 60.0))
 PAN_RAD, PAN_PERIOD_S = math.radians(60.0), 4.5
 MAX_NEES = 2.0
 

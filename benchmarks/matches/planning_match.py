@@ -29,8 +29,8 @@ from sim2d.match.tournament import plan_matches, play_plan
 from sim2d.players.catalog import player_factory
 
 # (matches, seconds each) on ssl_2001, and on each of the other fields
-QUICK, DEFAULT, FULL = (2, 6.0), (40, 20.0), (40, 60.0)
-ELSEWHERE_QUICK, ELSEWHERE, ELSEWHERE_FULL = (1, 1.0), (4, 30.0), FULL
+QUICK, DEFAULT, FULL = (2, 1.0), (40, 20.0), (40, 60.0)
+ELSEWHERE_QUICK, ELSEWHERE, ELSEWHERE_FULL = (1, 0.5), (4, 30.0), FULL
 FIELDS = ("four_legged_2007", "ssl_division_b", "msl_18x12", "spl_2020")
 MAX_STUCK_S = 5.0
 

@@ -23,7 +23,7 @@ from sim2d.players.shot import Shooter
 from sim2d.world.state import WorldState
 
 # (matches, seconds each)
-QUICK, DEFAULT, FULL = (3, 12.0), (60, 20.0), (200, 20.0)
+QUICK, DEFAULT, FULL = (2, 6.0), (60, 20.0), (200, 20.0)
 SCORES_S = 2.5
 BINS = (0.0, 0.02, 0.2, 0.8, 0.95, 1.0001)
 STD_M = 0.01

@@ -39,7 +39,6 @@ from benchmarks.harness import Pool, Table, percent, program, verdict
 from benchmarks.worlds.pose_runs import (
     KIDNAP_EVERY_S,
     KINDS,
-    RUN_S,
     WARM_S,
     Arrival,
     Step,
@@ -168,8 +167,8 @@ def nearest(estimate: PoseEstimate, motion: Pose2, near: Pose2 | None) -> tuple[
     return poses[index], half_turn_covariance(estimate.covariance) if is_turned else estimate.covariance
 
 
-# runs of wandering, of kidnapping, synthetic ones of each kind
-QUICK, DEFAULT, FULL = (1, 1, 1), (20, 10, 20), (200, 40, 100)
+# runs of wandering, of kidnapping, synthetic ones of each kind, seconds of a run
+QUICK, DEFAULT, FULL = (1, 1, 1, 6.0), (20, 10, 20, 20.0), (200, 40, 100, 20.0)
 MAX_RATIO, NEES_BOUNDS, MAX_RECOVERY_S = 0.6, (1.5, 6.0), 1.0
 NEES_95 = 7.815
 NEAR_M, NEAR_RAD, STAYS_S = 0.05, math.radians(3.0), 0.5
@@ -245,10 +244,10 @@ def judge(steps: list[Step], beliefs: list[PoseEstimate | NotLocated]) -> Tally:
     return Tally(np.array(errors, dtype=np.float64).reshape(-1, 3), lost, int(flipped))
 
 
-def wander(task: tuple[int, int]) -> dict[tuple[str, str], Tally]:
+def wander(task: tuple[int, int, float]) -> dict[tuple[str, str], Tally]:
     """One run under all conditions, by all methods."""
-    seed, run = task
-    steps, _ = record(seed, run, RUN_S, kidnaps=False)
+    seed, run, seconds = task
+    steps, _ = record(seed, run, seconds, kidnaps=False)
     results = {}
     for number, condition in enumerate(CONDITIONS):
         coming = arrivals(steps, condition, np.random.default_rng([seed, run, 2, number]))
@@ -258,10 +257,11 @@ def wander(task: tuple[int, int]) -> dict[tuple[str, str], Tally]:
     return results
 
 
-def kidnap(task: tuple[int, int]) -> dict[tuple[str, str, str], list[float]]:
+def kidnap(task: tuple[int, int, float]) -> dict[tuple[str, str, str], list[float]]:
     """Recovery times of one run by kind, condition and method."""
-    seed, run = task
-    steps, done = record(seed, run, RUN_S + KIDNAP_EVERY_S, kidnaps=True)
+    seed, run, seconds = task
+    # each kind once, at least
+    steps, done = record(seed, run, max(seconds, len(KINDS) * KIDNAP_EVERY_S) + KIDNAP_EVERY_S, kidnaps=True)
     found: dict[tuple[str, str, str], list[float]] = {}
     times = np.array([step.t_s for step in steps])
     for number, condition in enumerate(KIDNAPPED_CONDITIONS):
@@ -286,25 +286,25 @@ def _is_near(belief: PoseEstimate | NotLocated, truth: Pose2) -> bool:
     return position <= NEAR_M and turn <= NEAR_RAD
 
 
-def synthesize(task: tuple[int, int, float, float]) -> dict[str, Tally]:
+def synthesize(task: tuple[int, int, float, float, float]) -> dict[str, Tally]:
     """All methods on one synthetic run."""
-    seed, run, bias_ratio, bias_distance_m = task
-    steps = synthetic_steps(bias_ratio, bias_distance_m, np.random.default_rng([seed, run, 3]))
+    seed, run, seconds, bias_ratio, bias_distance_m = task
+    steps = synthetic_steps(bias_ratio, bias_distance_m, seconds, np.random.default_rng([seed, run, 3]))
     coming = arrivals(steps, "every frame", np.random.default_rng(0))
     return {method: judge(steps, follow(begin(), steps, coming)) for method, begin in FOLLOWERS.items()}
 
 
-def print_wandering(results: list[dict[tuple[str, str], Tally]]) -> None:
+def print_wandering(results: list[dict[tuple[str, str], Tally]], seconds: float) -> None:
     """Print a row for each condition and method."""
     table = Table(
         (
             "condition    | method: label | RMS mm: error | RMS deg: error | ratio: error | NEES mean | "
             "median: error | in 95 %: rate | flips: count | lost %: loss | verdict"
         ),
-        f"wandering: {len(results)} runs of {RUN_S:g} s; wanted of ours: ratio at most {MAX_RATIO} by every frame, "
+        f"wandering: {len(results)} runs of {seconds:g} s; wanted of ours: ratio at most {MAX_RATIO} by every frame, "
         f"NEES {NEES_BOUNDS[0]:g} to {NEES_BOUNDS[1]:g}, no flips",
         name="wandering",
-        samples=round(len(results) * RUN_S),
+        samples=round(len(results) * seconds),
     )
     for condition in CONDITIONS:
         tallies = {
@@ -368,7 +368,7 @@ def print_kidnapped(results: list[dict[tuple[str, str, str], list[float]]]) -> N
             )
 
 
-def print_synthetic(runs: int, results: list[dict[str, Tally]]) -> None:
+def print_synthetic(runs: int, seconds: float, results: list[dict[str, Tally]]) -> None:
     """Print NEES by how long errors truly last."""
     guess = FrameErrors()
     table = Table(
@@ -376,10 +376,10 @@ def print_synthetic(runs: int, results: list[dict[str, Tally]]) -> None:
             "bias ratio | for m | method: label | RMS mm: error | ratio: error | NEES mean: error | "
             "in 95 %: rate | verdict"
         ),
-        f"synthetic: {runs} runs of {RUN_S:g} s each; the filter's guess is {guess.bias_ratio:g} for "
+        f"synthetic: {runs} runs of {seconds:g} s each; the filter's guess is {guess.bias_ratio:g} for "
         f"{guess.bias_distance_m:g} m; wanted: NEES {NEES_BOUNDS[0]:g} to {NEES_BOUNDS[1]:g}",
         name="synthetic",
-        samples=round(runs * RUN_S),
+        samples=round(runs * seconds),
     )
     for number, (bias, way_m) in enumerate(BIASES):
         of_bias = results[number * runs : (number + 1) * runs]
@@ -403,10 +403,10 @@ def print_synthetic(runs: int, results: list[dict[str, Tally]]) -> None:
 @program(pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Measure and print."""
-    wandering, kidnapped, synthetic = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
+    wandering, kidnapped, synthetic, seconds = QUICK if arguments.quick else FULL if arguments.full else DEFAULT
     if not HAS_FILTERPY:
         print("filterpy: not installed")
-    print_wandering(list(pool.map(wander, [(arguments.seed, run) for run in range(wandering)])))
-    print_kidnapped(list(pool.map(kidnap, [(arguments.seed, run) for run in range(kidnapped)])))
-    tasks = [(arguments.seed, run, *lasting) for lasting in BIASES for run in range(synthetic)]
-    print_synthetic(synthetic, list(pool.map(synthesize, tasks)))
+    print_wandering(list(pool.map(wander, [(arguments.seed, run, seconds) for run in range(wandering)])), seconds)
+    print_kidnapped(list(pool.map(kidnap, [(arguments.seed, run, seconds) for run in range(kidnapped)])))
+    tasks = [(arguments.seed, run, seconds, *lasting) for lasting in BIASES for run in range(synthetic)]
+    print_synthetic(synthetic, seconds, list(pool.map(synthesize, tasks)))

@@ -1,7 +1,7 @@
 """Accuracy of the mirror camera's whole job on rendered images: pose, free space and ball, condition by condition.
 
 Images: ssl_2001, 256 x 220, each condition of `sim2d.rendering.random_scenes.CONDITIONS` (what `robocup-vision render
---condition` draws): 400 each (--quick: 24, --full: 2000) with 0 to 8 boxes, and 120 (12, 400) nominal ones of 640 x
+--condition` draws): 400 each (--quick: 5, --full: 2000) with 0 to 8 boxes, and 120 (3, 400) nominal ones of 640 x
 480. One setting of `Vision` for all; it forgets before every image. Everything below counts modulo a half turn about
 the field's centre, and only the first candidate, never the one that truth likes better.
 
@@ -380,7 +380,7 @@ def print_balls(records: dict[str, list[Record]]) -> None:
 @program(pooled=True)
 def main(arguments: Namespace, pool: Pool) -> None:
     """Render, measure and print."""
-    count, large = (24, 12) if arguments.quick else (2000, 400) if arguments.full else (400, 120)
+    count, large = (5, 3) if arguments.quick else (2000, 400) if arguments.full else (400, 120)
     sets = [(name, name, SMALL, count) for name in CONDITIONS] + [("nominal 640x480", "nominal", LARGE, large)]
     vision_for(SMALL, "field")  # compiles once, for the workers to load
     records: dict[str, list[Record]] = {}

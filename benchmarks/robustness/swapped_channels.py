@@ -3,7 +3,7 @@
 Pictures of every built-in field (--quick: of every third), in five conditions of light, by a mirror camera and by a
 forward camera that looks at the ball or at a goal in turn, and pictures of a four-legged goal; each as it is and with
 red and blue swapped. Where the photographs beside the project are there: those of the forward cameras and of the mirror
-cameras, too.
+cameras, too (--quick: the first twenty of each).
 
 Each picture alone: frames that warn, of right ones (none may) and of swapped ones; and swapped ones that show a pose in
 the wrong half. In a row: after how many pictures, each of another place, one `Vision` tells (median over runs of
@@ -142,8 +142,8 @@ def rendered(seed: int, count: int, fields: Sequence[str]) -> Iterator[tuple[str
     yield "goal, four_legged_2007", Vision(field, goal.camera), pictures
 
 
-def photographed() -> Iterator[tuple[str, Vision, list[Picture]]]:
-    """Yield name, `Vision` and pictures of the photographs that are there."""
+def photographed(most: int | None) -> Iterator[tuple[str, Vision, list[Picture]]]:
+    """Yield name, `Vision` and pictures of the photographs that are there, so many of a folder or all."""
     for folder, name in PHOTOGRAPHS:
         path = REAL / folder
         if not path.is_dir():
@@ -154,7 +154,7 @@ def photographed() -> Iterator[tuple[str, Vision, list[Picture]]]:
         except RobocupVisionError:
             continue
         frames = [cv2.imread(str(image), cv2.IMREAD_COLOR) for image in sorted((path / "images").iterdir())]
-        usable = [frame for frame in frames if frame is not None and frame.shape[1::-1] == camera.size_px]
+        usable = [frame for frame in frames if frame is not None and frame.shape[1::-1] == camera.size_px][:most]
         yield f"photographs, {folder}", Vision(field, camera), [Picture(np.asarray(f, np.uint8), None) for f in usable]
 
 
@@ -162,7 +162,7 @@ def photographed() -> Iterator[tuple[str, Vision, list[Picture]]]:
 def main(arguments: Namespace) -> None:
     """Measure and print."""
     count = 1 if arguments.quick else 20 if arguments.full else 6
-    fields = field_names()[:: 3 if arguments.quick else 1]
+    fields, most = (field_names()[::3], RUN) if arguments.quick else (field_names(), None)
     table = Table(
         (
             "pictures                    | number | false warnings: count | target | swapped told % | "
@@ -172,7 +172,7 @@ def main(arguments: Namespace) -> None:
         name="swapped",
     )
     false = total = 0
-    for sets in (rendered(arguments.seed, count, fields), photographed()):
+    for sets in (rendered(arguments.seed, count, fields), photographed(most)):
         for name, vision, pictures in sets:
             right, wrong = look(vision, pictures), look(vision, swapped(pictures))
             warnings = right.warned + sum(n is not None for n in right.needed)

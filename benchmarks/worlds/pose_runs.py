@@ -20,7 +20,7 @@ from sim2d.world.world import World
 FIELD = load_field("ssl_2001")
 LIMITS = RobotLimits()
 SENSOR = replace(MATCH_SENSOR, noise_sigma=18.0, blur_px=0.9)
-RUN_S, WARM_S = 20.0, 1.0
+WARM_S = 1.0
 KIDNAP_EVERY_S, PUSH_S = 4.0, 0.2
 KINDS = ("carried", "turned", "pushed")
 # seconds that frames which err together last
@@ -164,14 +164,14 @@ def with_odometry(steps: list[Step], gain: float) -> list[Step]:
     return scaled
 
 
-def synthetic_steps(bias_ratio: float, bias_distance_m: float, rng: np.random.Generator) -> list[Step]:
+def synthetic_steps(bias_ratio: float, bias_distance_m: float, seconds: float, rng: np.random.Generator) -> list[Step]:
     """Return the steps of a robot that wanders by itself, whose frames err as the model says."""
     std = np.array([0.003, 0.003, 0.002])
     steps, truth, slip, b = [], Pose2(0.0, 0.0, 0.0), np.zeros(3), rng.standard_normal(3)
     speed, heading, turn = 0.0, 0.0, 0.0
     dt = CONTROL_PERIOD_S
     step = Pose2(0.0, 0.0, 0.0)
-    for index in range(round(RUN_S / dt)):
+    for index in range(round(seconds / dt)):
         if index % 45 == 0:
             speed, heading, turn = rng.uniform(0.0, 0.9), rng.uniform(-math.pi, math.pi), rng.uniform(-2.5, 2.5)
             back = math.atan2(-truth.y_m, -truth.x_m)
