@@ -30,7 +30,7 @@ from robocup_vision.files.resume_file import ResumeFile
 from sim2d.match.run import MatchPlan
 
 # (matches of each row, seconds each)
-QUICK, DEFAULT, FULL = (1, 0.4), (4, 10.0), (40, 60.0)
+QUICK, DEFAULT, FULL = (1, 1.0), (4, 10.0), (40, 60.0)
 
 
 @dataclass(frozen=True)
