@@ -57,7 +57,7 @@ def _distances(points_m: FloatArray, origin_m: FloatArray, shape: tuple[int, ...
 
 
 def prepare_uprights(field: Field) -> Uprights:
-    """Prepare what `kernels.model_edges.sightings` looks for: coloured posts, and beacons of two coloured bands."""
+    """Prepare what `kernels.model_edges.sightings` looks for: posts and panels of goals, beacons of two bands."""
     names: list[str] = []
     paints: list[FloatArray] = []
     places: list[list[float]] = []
