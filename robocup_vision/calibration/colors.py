@@ -29,27 +29,21 @@ from robocup_vision.perception.polar_view import PolarView, hidden_pixels
 from robocup_vision.vision import Vision
 
 COLORED = ("ball", "goal_positive_x", "goal_negative_x")
-
-
-@dataclass(frozen=True, slots=True)
-class ColorCalibrationSettings:
-    """Settings of the calibration of colours."""
-
-    #: sampling grid of a picture without a camera file, about that of a floor view
-    rows: int = 120
-    columns: int = 150
-    #: greatest difference, in log ratios, of a frame's floor from the frames' median
-    max_floor_difference: float = 0.35
-    #: greatest distance, in log ratios, of an object's colour from the named one under this light
-    max_color_distance: float = 0.6
-    min_level: float = 0.35  #: least brightness relative to the floor's, above which hue is reliable
-    min_pixels: int = 30  #: least number of pixels to determine an object's colour
-    #: least ratio of an object's pixels that are surrounded by others of it, as clutter is not compact
-    min_inner_ratio: float = 0.3
-    spacing_m: float = 0.02  #: spacing of projected points on goals and lines
-    max_spread: float = 0.15  #: greatest spread of the floor's colour; a wider one would include other objects
-    min_line_level: float = 1.2  #: least brightness of painted lines relative to the floor
-    min_line_width_px: float = 4.0  #: least width of a line whose middle pixels are pure paint
+# sampling grid of a picture without a camera file, about that of a floor view
+_ROWS = 120
+_COLUMNS = 150
+# greatest difference, in log ratios, of a frame's floor from the frames' median
+_MAX_FLOOR_DIFFERENCE = 0.35
+# greatest distance, in log ratios, of an object's colour from the named one under this light
+_MAX_COLOR_DISTANCE = 0.6
+_MIN_LEVEL = 0.35  # least brightness relative to the floor's, above which hue is reliable
+_MIN_PIXELS = 30  # least number of pixels to determine an object's colour
+# least ratio of an object's pixels that are surrounded by others of it, as clutter is not compact
+_MIN_INNER_RATIO = 0.3
+_SPACING_M = 0.02  # spacing of projected points on goals and lines
+_MAX_SPREAD = 0.15  # greatest spread of the floor's colour; a wider one would include other objects
+_MIN_LINE_LEVEL = 1.2  # least brightness of painted lines relative to the floor
+_MIN_LINE_WIDTH_PX = 4.0  # least width of a line whose middle pixels are pure paint
 
 
 @dataclass(frozen=True)
@@ -77,7 +71,6 @@ def calibrate_colors(
     camera: OmniCamera | PinholeCamera | None = None,
     poses: Mapping[str, Pose2] | None = None,
     mask: UInt8Array | None = None,
-    settings: ColorCalibrationSettings = ColorCalibrationSettings(),
 ) -> ColorCalibration | NotCalibrated:
     """Learn a field's colours from frames, which are read one at a time.
 
@@ -93,7 +86,7 @@ def calibrate_colors(
     mask : (H, W) uint8, optional
         Non-zero pixels are ignored.
     """
-    observer = _FrameObserver(field, camera, mask, settings)
+    observer = _FrameObserver(field, camera, mask)
     seen, notes = [], []
     for name, read in frames:
         try:
@@ -109,13 +102,13 @@ def calibrate_colors(
     if not seen:
         return NotCalibrated("none of the images shows enough floor to learn its colour", tuple(notes))
     ratios = np.array([_beside_white(s.colors) for s in seen])
-    is_odd = np.abs(ratios - np.median(ratios, axis=0)).max(axis=1) > settings.max_floor_difference
+    is_odd = np.abs(ratios - np.median(ratios, axis=0)).max(axis=1) > _MAX_FLOOR_DIFFERENCE
     if is_odd.all():
         return NotCalibrated("the images do not agree on the floor's colour", tuple(notes))
     if is_odd.any():
         notes.append(f"{int(is_odd.sum())} of {len(seen)} images show another floor than the rest: left out")
     used = [s for s, odd in zip(seen, is_odd, strict=True) if not odd]
-    floor = _median_floor([s.colors.floor for s in used], settings.max_spread)
+    floor = _median_floor([s.colors.floor for s in used], _MAX_SPREAD)
     white = _median_paint([s.colors.line for s in used])
     colors = colors_for(field, floor, white)
     measured = {name: [s.things[name] for s in used if name in s.things] for name in COLORED}
@@ -137,9 +130,7 @@ class _FrameObserver:
         field: Field,
         camera: OmniCamera | PinholeCamera | None,
         mask: UInt8Array | None,
-        settings: ColorCalibrationSettings,
     ) -> None:
-        self._settings = settings
         self._field, self._camera, self._mask = field, camera, mask
         self._vision: Vision | None = None
         self._view: PolarView | FloorView | None = None
@@ -148,15 +139,12 @@ class _FrameObserver:
             self._view = self._vision.polar
         elif camera is not None and camera.known_orientation:
             self._view = FloorView(camera, mask=mask) if sees_floor(camera) else None
-        self._goals = {
-            COLORED[1 if goal.side > 0 else 2]: _goal_points(goal, settings.spacing_m) for goal in field.goals
-        }
-        self._line_m = _line_points(field, settings.spacing_m)
+        self._goals = {COLORED[1 if goal.side > 0 else 2]: _goal_points(goal, _SPACING_M) for goal in field.goals}
+        self._line_m = _line_points(field, _SPACING_M)
 
     def look(self, frame: UInt8Array, pose: Pose2 | None) -> _FrameColors | None:
-        settings = self._settings
         if self._view is None:
-            samples, valid = _scattered(frame, self._mask, settings)
+            samples, valid = _scattered(frame, self._mask)
         else:
             samples, valid = self._view.sample(frame), self._view.valid
         colors = learn_colors(samples, valid, self._field, math.log(2.0))
@@ -168,13 +156,12 @@ class _FrameObserver:
             estimate = self._vision.look(frame).pose
             poses = estimate.candidates if isinstance(estimate, PoseEstimate) else ()
         if poses and self._camera is not None:
-            pixels = _line_pixels(self._line_m, self._camera, poses[0], frame.shape, settings.min_line_width_px)
-            white = _white_of(frame, pixels, colors.floor, settings)
+            pixels = _line_pixels(self._line_m, self._camera, poses[0], frame.shape, _MIN_LINE_WIDTH_PX)
+            white = _white_of(frame, pixels, colors.floor)
             colors = colors if white is None else colors_for(self._field, colors.floor, white)
         return _FrameColors(colors, self._things(frame, colors, poses))
 
     def _things(self, frame: UInt8Array, colors: Colors, poses: Sequence[Pose2]) -> dict[str, tuple[FloatArray, int]]:
-        settings = self._settings
         named = {name: getattr(colors, name) for name in COLORED}
         free = np.ones(frame.shape[:2], dtype=bool) if self._mask is None else self._mask == 0
         if self._view is not None and isinstance(self._camera, OmniCamera):
@@ -185,18 +172,16 @@ class _FrameObserver:
         b, g, r = (np.maximum(channel, 1).astype(np.float32) for channel in cv2.split(frame))
         ratio = np.stack([np.log(r / g), np.log(b / g)], axis=-1)
         is_floor = build_color_table(colors).segment(frame) == 1
-        bright = ((r + 2 * g + b) / 4 > settings.min_level * colors.floor.level) & (frame.min(axis=2) < 250)
+        bright = ((r + 2 * g + b) / 4 > _MIN_LEVEL * colors.floor.level) & (frame.min(axis=2) < 250)
         white = _log(colors.line)
         distance = {name: np.linalg.norm(ratio - _log(paint), axis=-1) for name, paint in named.items()}
         to_white = np.linalg.norm(ratio - white, axis=-1)
         things = {}
         for name, paint in named.items():
-            if np.linalg.norm(_log(paint) - white) < settings.max_color_distance:
+            if np.linalg.norm(_log(paint) - white) < _MAX_COLOR_DISTANCE:
                 continue  # white and black have no hue
             same = [other for other in COLORED if np.linalg.norm(_log(named[other]) - _log(paint)) < 1e-6]
-            is_it = (
-                free & bright & ~is_floor & (distance[name] < settings.max_color_distance) & (distance[name] < to_white)
-            )
+            is_it = free & bright & ~is_floor & (distance[name] < _MAX_COLOR_DISTANCE) & (distance[name] < to_white)
             for other in COLORED:
                 if other not in same:
                     is_it &= distance[name] <= distance[other]
@@ -207,22 +192,20 @@ class _FrameObserver:
                 continue  # without a pose goals of one colour are ambiguous, and their named colour is good enough
             core = cv2.erode(is_it.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
             count = int(np.count_nonzero(core))
-            if count >= settings.min_pixels and count >= settings.min_inner_ratio * np.count_nonzero(is_it):
+            if count >= _MIN_PIXELS and count >= _MIN_INNER_RATIO * np.count_nonzero(is_it):
                 things[name] = np.median(ratio[core], axis=0), count
         return things
 
 
-def _scattered(
-    frame: UInt8Array, mask: UInt8Array | None, settings: ColorCalibrationSettings
-) -> tuple[UInt8Array, UInt8Array]:
+def _scattered(frame: UInt8Array, mask: UInt8Array | None) -> tuple[UInt8Array, UInt8Array]:
     """Sample a whole picture of an unknown camera."""
     height, width = frame.shape[:2]
-    rows = np.linspace(1, height - 2, settings.rows).astype(int)
-    columns = np.linspace(1, width - 2, settings.columns).astype(int)
-    golden = (np.arange(settings.columns) * 0.6180339887) % 1.0
+    rows = np.linspace(1, height - 2, _ROWS).astype(int)
+    columns = np.linspace(1, width - 2, _COLUMNS).astype(int)
+    golden = (np.arange(_COLUMNS) * 0.6180339887) % 1.0
     columns = columns[np.argsort(golden)]
     blurred = np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8)
-    valid = np.ones((settings.rows, settings.columns), dtype=np.uint8)
+    valid = np.ones((_ROWS, _COLUMNS), dtype=np.uint8)
     if mask is not None:
         valid = (hidden_pixels(mask)[np.ix_(rows, columns)] == 0).astype(np.uint8)
     return np.ascontiguousarray(blurred[np.ix_(rows, columns)]), valid
@@ -285,16 +268,12 @@ def _inside(pixels: FloatArray, shape: tuple[int, ...]) -> Int64Array:
     return np.asarray(np.unique(whole[inside], axis=0))
 
 
-def _white_of(
-    frame: UInt8Array, pixels: Int64Array, floor: FloorColor, settings: ColorCalibrationSettings
-) -> PaintColor | None:
+def _white_of(frame: UInt8Array, pixels: Int64Array, floor: FloorColor) -> PaintColor | None:
     """Return the white of the field's lines, from pixels that are brighter than the floor and not saturated."""
     colors = frame[pixels[:, 1], pixels[:, 0]].astype(np.float64)
     level = (colors[:, 2] + 2 * colors[:, 1] + colors[:, 0]) / 4
-    blue, green, red = np.maximum(
-        colors[(level > settings.min_line_level * floor.level) & (colors.max(axis=1) < 250)], 1.0
-    ).T
-    if len(green) < settings.min_pixels:
+    blue, green, red = np.maximum(colors[(level > _MIN_LINE_LEVEL * floor.level) & (colors.max(axis=1) < 250)], 1.0).T
+    if len(green) < _MIN_PIXELS:
         return None
     return PaintColor(float(np.median(red / green)), float(np.median(blue / green)))
 

@@ -22,6 +22,9 @@ from robocup_vision.perception.polar_view import BODY_COLUMNS, PolarView
 
 # the paper's r_th; stricter than its 0.8, because cells are smaller and specks are removed before
 FREE_RATIO = 0.9
+_BLUR_PX = 1.5  # extent of an edge's blur by lens and sampling
+_CROSSING_WIDTHS = 3.0  # width, in line widths, of lines that meet or are crossed obliquely
+_MAX_OBSTACLE_RATIO = 0.55  # greatest width of a line relative to an obstacle; a wider stripe may be a robot
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,15 +170,6 @@ class FreeSpaceGrid:
         return FreeSpace(self.bearing_rad, range_m)
 
 
-@dataclass(frozen=True, slots=True)
-class FloorMarkingSettings:
-    """Settings of `FloorMarking`."""
-
-    blur_px: float = 1.5  #: extent of an edge's blur by lens and sampling
-    crossing_widths: float = 3.0  #: width, in line widths, of lines that meet or are crossed obliquely
-    max_obstacle_ratio: float = 0.55  #: greatest width of a line relative to an obstacle; a wider stripe may be a robot
-
-
 class FloorMarking:
     """Marks the samples that can be driven over: floor, and painted lines between floor.
 
@@ -194,17 +188,16 @@ class FloorMarking:
         view: PolarView | FloorView,
         line_width_m: float,
         obstacle_width_m: float,
-        settings: FloorMarkingSettings = FloorMarkingSettings(),
     ) -> None:
         self._view = view
-        line_m = settings.crossing_widths * line_width_m
+        line_m = _CROSSING_WIDTHS * line_width_m
         per_column = np.maximum(np.gradient(view.range_m), 1e-6)
         # plus the lens' blur on both sides
         per_row = view.range_m * view.row_step_rad
-        columns = np.ceil(line_m / per_column + 2 * settings.blur_px / view.step_px)
-        rows = np.ceil((line_m + 2 * settings.blur_px * view.across_m_per_px) / per_row) + 2
+        columns = np.ceil(line_m / per_column + 2 * _BLUR_PX / view.step_px)
+        rows = np.ceil((line_m + 2 * _BLUR_PX * view.across_m_per_px) / per_row) + 2
         # less than a robot's width
-        rows = np.maximum(np.minimum(rows, np.floor(settings.max_obstacle_ratio * obstacle_width_m / per_row)), 1)
+        rows = np.maximum(np.minimum(rows, np.floor(_MAX_OBSTACLE_RATIO * obstacle_width_m / per_row)), 1)
         #: (M,) int32 each: greatest width of a line at each column, in samples along and across the bearing
         self.widest_line = columns.astype(np.int32), rows.astype(np.int32)
         self._none_known = np.full(view.bearings, -1)
