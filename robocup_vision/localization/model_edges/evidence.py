@@ -19,8 +19,11 @@ import numpy as np
 import numpy.typing as npt
 
 from robocup_vision.arrays import FloatArray
-from robocup_vision.localization.model_edges.settings import EdgeSettings
 from robocup_vision.localization.model_edges.weights import EdgeWeights
+
+# least number of inliers, and of samples found on edges that the field's other half lacks for a frame to show the
+# half: two may agree by chance
+MIN_INLIERS = 3
 
 
 class Evidence(NamedTuple):
@@ -72,13 +75,12 @@ class Verdict(NamedTuple):
     log_likelihood_ratio: float
 
 
-def weigh(evidence: Evidence, settings: EdgeSettings, prior_log_odds: float = 0.0) -> Verdict:
+def weigh(evidence: Evidence, prior_log_odds: float = 0.0) -> Verdict:
     """Weigh a fit, given the log odds that its prior is right by the frames before."""
-    s, e = settings, evidence
-    odds = e.log_odds
+    e, odds = evidence, evidence.log_odds
     # an open position shows little, but nothing against the pose
     ratio = max(odds, min(e.log_odds_if_fixed, 0.0))
-    if e.inliers < s.min_inliers:
+    if e.inliers < MIN_INLIERS:
         return Verdict(f"only {e.inliers:.0f} of {e.looked_for:.0f} places on edges agree", min(ratio, 0.0))
     if prior_log_odds > 0.0:
         odds = prior_log_odds + ratio

@@ -28,7 +28,7 @@ from robocup_vision.kernels.model_edges.sightings import (
 )
 from robocup_vision.localization.distinct import Apart
 from robocup_vision.localization.model_edges.bank import prepare_bank, prepare_uprights, with_walls
-from robocup_vision.localization.model_edges.evidence import CandidateSettings, accepted, posterior
+from robocup_vision.localization.model_edges.evidence import MIN_INLIERS, CandidateSettings, accepted, posterior
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import DESIGN_WIDTH_PX
 from robocup_vision.localization.model_edges.weights import packaged_edge_weights
@@ -39,57 +39,45 @@ _CORNERS, _QUARTER_RAD = 4, math.pi / 2
 _NO_ENDS = np.zeros((0, 3))
 # an answer of 99 % probability ends the search
 _SURE_LOG_ODDS = math.log(99.0)
+# grid of the bank. The steps of aligning must reach from one node to the next; a spacing is a whole number of
+# cells
+_SPACING_M, _HEADING_STEP_RAD = 0.24, math.radians(6.0)
+_FITTED, _WEIGHED = 12, 6  # numbers of poses fitted, and compared with each other
+# most proposals by beacons and posts, and the distance between them on a circle about one
+_MAX_UPRIGHT_POSES, _STEP_M = 400, 0.2
+_LIKELY = 16  # number of the likeliest poses that are aligned in all steps
+# greatest excess of missed line points over the best proposal's for a proposal to be fitted
+_MAX_MORE_MISSED = 6.0
+# greatest difference of a pose's log-likelihood after the first fit from the best one's
+_MAX_LOG_LIKELIHOOD_DROP = 4.0
+_TURNED = 2  # number of the likeliest whose half turns are compared, too, where the halves of the field differ
+_APART = Apart(0.2, math.radians(6.0))  # proposals and answers nearer to each other count as one
+_GATES_PX = (20.0, 10.0, 5.0, 3.0, 3.0)  # steps of aligning: scale of the robust weight, pixels of a picture 208 wide
+# standard deviations of a proposal, as the prior of its fit; the heading's is that of a pose of the bank, too
+PROPOSAL_STD_M, PROPOSAL_STD_RAD = 0.10, math.radians(3.5)
+# most fits from the last one's result without its prior, and the motions that end them
+_SETTLING, _SETTLED_M, _SETTLED_RAD = 2, 0.02, math.radians(0.5)
+# standard deviations of a lost camera's pose about the last one, and the fraction of lost cameras that are near it
+_LOST_STD_M, _LOST_STD_RAD, _NEAR_RATIO = 0.5, 0.5, 0.5
+_POINTS = 60  # most line points
 
 
 @dataclass(frozen=True, slots=True)
 class FinderSettings:
-    """How a camera is found."""
+    """What differs between searches."""
 
-    #: grid of the bank. The steps of aligning must reach from one node to the next; a spacing is a whole number of
-    #: cells
-    spacing_m: float = 0.24
-    heading_step_rad: float = math.radians(6.0)
-    #: numbers of poses scored by all points, aligned, fitted, and compared with each other
+    #: numbers of poses scored by all points, and aligned
     scored: int = 600
     aligned: int = 100
-    fitted: int = 12
-    weighed: int = 6
-    #: most proposals by beacons and posts, and the distance between them on a circle about one
-    max_upright_poses: int = 400
-    step_m: float = 0.2
-    #: number of the likeliest poses that are aligned in all steps
-    likely: int = 16
     #: tilts that are searched where this gives no answer, in standard deviations of the sway
     nods: tuple[float, ...] = (-1.5, 1.5)
-    #: greatest excess of missed line points over the best proposal's for a proposal to be fitted
-    max_more_missed: float = 6.0
-    #: greatest difference of a pose's log-likelihood after the first fit from the best one's
-    max_log_likelihood_drop: float = 4.0
-    #: number of the likeliest whose half turns are compared, too, where the halves of the field differ
-    turned: int = 2
     #: number of the likeliest that are compared with their equivalents at the floor's other corners
     repeated: int = 0
     #: weight of a place where the carpet ends, in line points, where walls bound the floor: robots end it, too
     end_weight: float = 0.0
-    #: proposals and answers nearer to each other count as one
-    apart: Apart = Apart(0.2, math.radians(6.0))
-    #: steps of aligning: scale of the robust weight, pixels of a picture 208 wide
-    gates_px: tuple[float, ...] = (20.0, 10.0, 5.0, 3.0, 3.0)
-    #: standard deviations of a proposal, as the prior of its fit; the heading's is that of a pose of the bank, too
-    std_m: float = 0.10
-    std_rad: float = math.radians(3.5)
-    #: most fits from the last one's result without its prior, and the motions that end them
-    settling: int = 2
-    settled_m: float = 0.02
-    settled_rad: float = math.radians(0.5)
     #: greatest standard deviation of an answer's position: a following picture may show more
     max_std_m: float = 0.10
-    #: standard deviations of a lost camera's pose about the last one, and the fraction of lost cameras that are near it
-    lost_std_m: float = 0.5
-    lost_std_rad: float = 0.5
-    near_ratio: float = 0.5
-    #: most line points, and their greatest range
-    points: int = 60
+    #: greatest range of line points
     max_range_m: float = 6.0
     #: how probable answers must be
     candidates: CandidateSettings = CandidateSettings()
@@ -135,18 +123,18 @@ class EdgeFinder:
         self.follower = follower
         self.settings = s = settings or FinderSettings()
         field, camera = follower.field, follower.camera
-        self._bank = prepare_bank(field, s.spacing_m, s.heading_step_rad)
+        self._bank = prepare_bank(field, _SPACING_M, _HEADING_STEP_RAD)
         self._half_view_rad = math.atan(camera.size_px[0] / 2 / camera.focal_px[0])
         self._has_twins = not field.halves_differ
-        self._apart = replace(s.apart, twins=self._has_twins)
+        self._apart = replace(_APART, twins=self._has_twins)
         self._is_same_frame = False  # as that of the last fit
         self._scores = np.zeros((len(self._bank.places), len(self._bank.headings)))
         self._walls = with_walls(self._bank, field) if s.end_weight and field.is_bounded else None
-        self._rows, self._end_rows = np.zeros((s.points, 3)), np.zeros((s.points, 3))
+        self._rows, self._end_rows = np.zeros((_POINTS, 3)), np.zeros((_POINTS, 3))
         self._end_scores = np.zeros_like(self._scores)
         self._points = np.zeros((600, 3))
         self._starts = np.zeros((s.aligned, 4))
-        most = s.aligned + s.max_upright_poses
+        most = s.aligned + _MAX_UPRIGHT_POSES
         self._tried = np.zeros((most, 3))
         self._half_m = (field.length_m / 2 + 0.2, field.width_m / 2 + 0.2)
         self._aligned, self._costs = np.zeros((most, 5)), np.zeros(most)
@@ -156,8 +144,8 @@ class EdgeFinder:
         self._weights = packaged_edge_weights()
         low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
         self._searched_m2rad = math.tau * float(np.prod(high - low))
-        self._covariance = np.diag([s.std_m, s.std_m, s.std_rad]) ** 2
-        self._gates_px = np.array(s.gates_px) * max(1.0, 0.5 * (1.0 + scale))
+        self._covariance = np.diag([PROPOSAL_STD_M, PROPOSAL_STD_M, PROPOSAL_STD_RAD]) ** 2
+        self._gates_px = np.array(_GATES_PX) * max(1.0, 0.5 * (1.0 + scale))
 
     def with_follower(self, follower: EdgeFollower) -> EdgeFinder:
         """Return a finder by another calibration of the camera; the bank, made for about the same view, is shared."""
@@ -185,8 +173,8 @@ class EdgeFinder:
     @property
     def _near_std(self) -> FloatArray:
         """(5,) float64: standard deviations of a pose of the bank, and of tilt and roll, as the prior of aligning."""
-        s, near_m = self.settings, self.settings.spacing_m / 2
-        return np.array([near_m, near_m, s.std_rad, *self._near_tilt_roll_rad])
+        near_m = _SPACING_M / 2
+        return np.array([near_m, near_m, PROPOSAL_STD_RAD, *self._near_tilt_roll_rad])
 
     @property
     def _near_tilt_roll_rad(self) -> tuple[float, float]:
@@ -217,9 +205,9 @@ class EdgeFinder:
     def _likeliest(self, aligned: FloatArray) -> list[TiltedPose]:
         """Return, of poses with tilts, rolls and costs (N, 6), distinct ones with costs near the least, best first."""
         costs = aligned[:, 5]
-        likely = aligned[costs <= costs.min(initial=math.inf) + self.settings.max_more_missed]
+        likely = aligned[costs <= costs.min(initial=math.inf) + _MAX_MORE_MISSED]
         poses = [TiltedPose(*pose) for pose in likely[np.argsort(likely[:, 5], kind="stable"), :5].tolist()]
-        return self._first_apart(poses, self.settings.fitted)
+        return self._first_apart(poses, _FITTED)
 
     def _clues(self, frame: UInt8Array, tilt_rad: float) -> Clues:
         """Find the clues of a frame of a camera tilted so."""
@@ -249,7 +237,7 @@ class EdgeFinder:
         if ends:
             score_bank(walls, self._end_rows, ends, self._end_scores)
             self._scores += s.end_weight * self._end_scores
-        kept = best_poses(bank, self._rows, number, self._scores, s.scored, s.apart.m, s.apart.rad, self._starts)
+        kept = best_poses(bank, self._rows, number, self._scores, s.scored, _APART.m, _APART.rad, self._starts)
         how = Alignment(
             slopes_of(self._rows[:number], tilt, roll, height_m),
             tilt,
@@ -265,9 +253,9 @@ class EdgeFinder:
         )
         starts = self._tried
         starts[:kept] = self._starts[:kept, :3]
-        kept += poses_around(clues.uprights, camera.focal_px[0], self._half_m, s.step_m, starts[kept:])
+        kept += poses_around(clues.uprights, camera.focal_px[0], self._half_m, _STEP_M, starts[kept:])
         poses, costs = self._aligned[:kept], self._costs[:kept]
-        align_poses(bank, how, starts[:kept], s.likely, poses, costs)
+        align_poses(bank, how, starts[:kept], _LIKELY, poses, costs)
         # the prior of the tilt is about rest, not about where its search begins
         nod = poses[:, 3]
         costs += 0.5 * (((tilt + nod - rest) / self._rest_std_rad[0]) ** 2 - (nod / how.std[3]) ** 2)
@@ -312,19 +300,17 @@ class EdgeFinder:
 
     def _turned(self, near: Pose2) -> list[Pose2]:
         """Return poses at a place with headings over a lost robot's error, in steps that a fit converges over."""
-        s = self.settings
-        steps = math.ceil(s.lost_std_rad / (2 * s.std_rad))
-        return [near.compose(Pose2(0.0, 0.0, 2 * s.std_rad * k)) for k in range(-steps, steps + 1)]
+        steps = math.ceil(_LOST_STD_RAD / (2 * PROPOSAL_STD_RAD))
+        return [near.compose(Pose2(0.0, 0.0, 2 * PROPOSAL_STD_RAD * k)) for k in range(-steps, steps + 1)]
 
     def _log_prior(self, pose: Pose2, near: Pose2 | None) -> float:
         """Logarithm of a pose's prior density against that of a camera which may be anywhere."""
         if near is None:
             return 0.0
-        s = self.settings
         away_m, turned_rad = pose.error_to(near, symmetric=self._has_twins)
-        density = math.exp(-0.5 * ((away_m / s.lost_std_m) ** 2 + (turned_rad / s.lost_std_rad) ** 2))
-        density /= math.sqrt(math.tau) ** 3 * s.lost_std_m**2 * s.lost_std_rad
-        return math.log(1 - s.near_ratio + s.near_ratio * density * self._searched_m2rad)
+        density = math.exp(-0.5 * ((away_m / _LOST_STD_M) ** 2 + (turned_rad / _LOST_STD_RAD) ** 2))
+        density /= math.sqrt(math.tau) ** 3 * _LOST_STD_M**2 * _LOST_STD_RAD
+        return math.log(1 - _NEAR_RATIO + _NEAR_RATIO * density * self._searched_m2rad)
 
     def judge(
         self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None
@@ -379,11 +365,11 @@ class EdgeFinder:
         likes = [like for pose in places[: s.repeated] for like in self._likes(pose)]
         places = self._first_apart([*places, *likes], len(places) + len(likes))
         if not places:
-            tried, least = len(proposals), follower.settings.min_inliers
+            tried, least = len(proposals), MIN_INLIERS
             return [], f"none of the {tried} likeliest poses has {least} places on edges in this frame"
         if follower.field.shows_half:
             # lines alone look alike from both halves, whichever of them was proposed
-            for pose in [one.half_turn() for one in places[: s.turned]]:
+            for pose in [one.half_turn() for one in places[:_TURNED]]:
                 if not any(self._apart.is_one(pose, other) for other in places):
                     places.append(pose)
         answers: list[FollowedCamera] = []
@@ -398,16 +384,16 @@ class EdgeFinder:
 
     def _places(self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None) -> list[Pose2]:
         """Return the results of the proposals' fits, the likeliest first."""
-        s, follower = self.settings, self.follower
+        follower = self.follower
         ends: list[tuple[float, Pose2]] = []
         for proposal in proposals:
             answer, evidence = self._fit(frame, proposal), follower.evidence
-            if answer and evidence.inliers >= follower.settings.min_inliers:
+            if answer and evidence.inliers >= MIN_INLIERS:
                 end = self._end(answer)
                 ends.append((evidence.log_odds_anywhere(self._weights) + self._log_prior(end, near), end))
         ends.sort(key=lambda one: -one[0])
-        likely = [pose for weight, pose in ends if weight > ends[0][0] - s.max_log_likelihood_drop]
-        return self._first_apart(likely, s.weighed)
+        likely = [pose for weight, pose in ends if weight > ends[0][0] - _MAX_LOG_LIKELIHOOD_DROP]
+        return self._first_apart(likely, _WEIGHED)
 
     def _likes(self, pose: Pose2) -> list[Pose2]:
         """Return the poses on the floor that see its other corners where this one sees the nearest corner ahead."""
@@ -437,14 +423,13 @@ class EdgeFinder:
 
     def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
         """Fit one pose by the frame alone: repeat the fit from its result, as a proposal is no evidence."""
-        s = self.settings
         answer = self._fit(frame, pose)
-        for _ in range(s.settling):
+        for _ in range(_SETTLING):
             if not answer:
                 break
             end = self._end(answer)
             away_m, turn_rad = end.error_to(pose)
-            if away_m < s.settled_m and turn_rad < s.settled_rad:
+            if away_m < _SETTLED_M and turn_rad < _SETTLED_RAD:
                 break
             pose = end
             answer = self._fit(frame, pose)

@@ -39,9 +39,9 @@ from robocup_vision.kernels.model_edges.tables import (
     Scene,
     empty_buffers,
 )
-from robocup_vision.localization.model_edges.evidence import Evidence, weigh
+from robocup_vision.localization.model_edges.evidence import MIN_INLIERS, Evidence, weigh
 from robocup_vision.localization.model_edges.field_edges import field_edges, telling_features
-from robocup_vision.localization.model_edges.settings import EdgeSettings
+from robocup_vision.localization.model_edges.settings import MIN_RATIO, EdgeSettings
 
 _MAX_SAMPLES = 600
 _MAX_POINTS = 400
@@ -49,6 +49,16 @@ _MAX_POINTS = 400
 _NEVER = 1_000_000
 # greatest standard deviation of a measurement in any direction, m and rad
 _OPEN_STD = 1.0
+_HYPOTHESES = 50  # of which the mode is chosen
+# white paint's step from the carpet, as a ratio to the nominal one, is learnt from lines wide enough for blur to
+# leave their middle: least width and points
+_MIN_PAINT_PX, _MIN_PAINT_POINTS = 3.0, 8
+ODDS_MEMORY_S = 0.5  # time constant of a frame's odds in those after it
+_MIN_SUPPORTING_LOG_ODDS = 0.1  # a frame with less does not support the pose
+# greatest speeds of a robot and its head: a prior farther from the last answer does not continue it
+_MAX_SPEED_MPS, _MAX_TURN_RADPS = 4.0, 10.0
+# tilt, roll and height are forgotten with this time constant: a step takes about half a second
+_SWAY_MEMORY_S = 0.12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +164,7 @@ class EdgeFollower:
         # there they belong to another pose, or to clutter
         near = self.numbers._replace(bent_ratio=0.0)
         self._wide_numbers, self._near_numbers = plain((self.numbers, near))
-        draws = np.random.default_rng(20261122).random((self.settings.hypotheses, 6))
+        draws = np.random.default_rng(20261122).random((_HYPOTHESES, 6))
         self._scene = Scene(self.edges, self.lens, draws)
         self._buffers = empty_buffers(_MAX_SAMPLES, _MAX_POINTS)
         self._fit = Fit(
@@ -286,8 +296,8 @@ class EdgeFollower:
         step = max(0.5 * numbers.min_ratio * usual, 5 * float(carpet[3]))
         look = LineLook(step, numbers.line_width_m, MAX_WIDTHS, max(numbers.point_stride // 2, 2))
         count = int(line_points(frame, self.lens, unknowns, carpet, look, points))
-        wide = points[:count][self._widths_px(points[:count], tilt_rad, roll_rad) >= self.settings.min_paint_px]
-        if len(wide) >= self.settings.min_paint_points:
+        wide = points[:count][self._widths_px(points[:count], tilt_rad, roll_rad) >= _MIN_PAINT_PX]
+        if len(wide) >= _MIN_PAINT_POINTS:
             columns, rows = np.rint(wide[:, :2].T).astype(np.intp)
             blue, _, red = frame[rows, columns].astype(np.float64).T
             self._show_paint((float(np.median(blue + red)) - float(carpet[0] + carpet[2])) / usual)
@@ -305,7 +315,7 @@ class EdgeFollower:
     def _show_paint(self, ratio: float) -> None:
         """Expect this ratio of white paint's step from the carpet to that of the nominal colours."""
         # fainter line points are not found
-        ratio = min(max(ratio, 0.5 * self.settings.min_ratio), 1.0)
+        ratio = min(max(ratio, 0.5 * MIN_RATIO), 1.0)
         self._knows_paint, self._paint_ratio = True, ratio
         channels = self.edges.channels.copy()
         channels[channels[:, 7] > 0.0] *= (1.0, 1.0, 1.0, ratio, 1.0, 1.0, 1.0, ratio)
@@ -333,19 +343,17 @@ class EdgeFollower:
         """Logarithm of the odds that a prior is right: the last answer's, where the prior may be that, moved on."""
         if self._last_pose is None:
             return 0.0
-        s = self.settings
         away_m, turned_rad = prior.pose.error_to(self._last_pose)
         (xx, _, _), (_, yy, _), (_, _, tt) = prior.covariance.tolist()
         std_m, std_rad = math.sqrt(xx + yy), math.sqrt(tt)
-        if away_m > s.max_speed_mps * dt_s + 3 * std_m or turned_rad > s.max_turn_radps * dt_s + 3 * std_rad:
+        if away_m > _MAX_SPEED_MPS * dt_s + 3 * std_m or turned_rad > _MAX_TURN_RADPS * dt_s + 3 * std_rad:
             return 0.0
-        log_odds = self._log_odds * math.exp(-dt_s / s.odds_memory_s)
-        return log_odds if log_odds >= s.min_supporting_log_odds else 0.0
+        log_odds = self._log_odds * math.exp(-dt_s / ODDS_MEMORY_S)
+        return log_odds if log_odds >= _MIN_SUPPORTING_LOG_ODDS else 0.0
 
     def _pass_time(self, dt_s: float) -> None:
-        s = self.settings
         self._dt_s = dt_s
-        self._keep = np.exp(-dt_s / np.array([*[s.sway_memory_s] * 3, math.inf]))
+        self._keep = np.exp(-dt_s / np.array([*[_SWAY_MEMORY_S] * 3, math.inf]))
 
     def follow(
         self,
@@ -401,7 +409,7 @@ class EdgeFollower:
             # a search compares its proposals, and judges them by the comparison
             reason, log_ratio = None, evidence.log_odds
         else:
-            reason, log_ratio = weigh(evidence, self.settings, prior_log_odds)
+            reason, log_ratio = weigh(evidence, prior_log_odds)
         self._log_ratio = log_ratio
         if reason is not None:
             # the prior goes on without a measurement
@@ -429,4 +437,4 @@ class EdgeFollower:
         count = int(self._fit.figures[0])
         status = self._buffers.found.status[:count][self._telling[self._buffers.samples.feature[:count]]]
         found = int(np.count_nonzero(status == FOUND))
-        return found >= self.settings.min_inliers and 2 * found > int(np.count_nonzero(status != UNSEEN))
+        return found >= MIN_INLIERS and 2 * found > int(np.count_nonzero(status != UNSEEN))

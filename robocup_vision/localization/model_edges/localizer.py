@@ -19,8 +19,7 @@ from robocup_vision.localization.distinct import may_be_one
 from robocup_vision.localization.forward import GoalLocalizer, WhiteGoals
 from robocup_vision.localization.localizer import FrameEvidence, Localization
 from robocup_vision.localization.model_edges.finder import EdgeFinder, for_walled_fields
-from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera, FollowerState
-from robocup_vision.localization.model_edges.settings import EdgeSettings
+from robocup_vision.localization.model_edges.follower import ODDS_MEMORY_S, EdgeFollower, FollowedCamera, FollowerState
 from robocup_vision.perception.goal_region import hue_families
 
 # or a function that makes them
@@ -29,6 +28,20 @@ _Points = EdgePoints | Callable[[], EdgePoints]
 _USUAL_STEP_S = 1 / 30
 # least error of a head's pan and of a prior's heading
 _MIN_PAN_STD_RAD = math.radians(0.1)
+# least time between searches by the bank that found nothing: frames closer together show the same
+_SEARCH_AGAIN_S = 0.1
+# a camera located within this time is probably near its prior: odometry with an error of a tenth is off by 20 cm
+# at 1 m/s
+NEAR_S = 2.0
+# of the prior where only a pose is given
+_PRIOR_STD_M, PRIOR_STD_RAD = 0.15, 0.1
+# a frame that confirms nothing may be blurred: it is examined again reduced by these factors, to this width at least
+_COPY_FACTORS, _MIN_COPY_PX = (2, 3), 200
+
+
+def reductions(width_px: int) -> list[int]:
+    """Return the factors by which a frame of this width is reduced where it is examined again."""
+    return [k for k in _COPY_FACTORS if width_px >= k * _MIN_COPY_PX]
 
 
 class EdgeLocalizer:
@@ -38,14 +51,13 @@ class EdgeLocalizer:
         self,
         field: Field,
         camera: PinholeCamera,
-        settings: EdgeSettings | None = None,
     ) -> None:
-        self.follower = EdgeFollower(field, camera, settings)
+        self.follower = EdgeFollower(field, camera)
         # of frames that confirm nothing, by their reductions
         self._copies: dict[int, EdgeFollower] = {}
         self._finder: EdgeFinder | None = None
         self._copies_finder: EdgeFinder | None = None
-        self._reductions = self.follower.settings.reductions(camera.size_px[0])
+        self._reductions = reductions(camera.size_px[0])
         # feet of walls lie beside the lines, and stand out in smaller copies
         self._has_walls = field.is_bounded and bool(self._reductions)
         has_posts = any(goal.kind == "posts" for goal in field.goals)
@@ -129,7 +141,7 @@ class EdgeLocalizer:
         before, dt_s = self.follower.state, self._passed(evidence.t_s)
         answer = first = self.follower.follow(evidence.frame, near, dt_s)
         points: _Points | None = None
-        if not self.follower.confirms_prior and self._was_near(evidence.t_s, self.follower.settings.odds_memory_s):
+        if not self.follower.confirms_prior and self._was_near(evidence.t_s, ODDS_MEMORY_S):
             answer, points = self._follow_slipped(evidence, near, dt_s, before, first)
             if first and not answer:
                 return answer, points
@@ -205,7 +217,7 @@ class EdgeLocalizer:
             return found
         if not self._may_search(evidence.t_s):
             return NotLocated("the last search, moments ago, found nothing")
-        is_near = self._was_near(evidence.t_s, self.follower.settings.near_s)
+        is_near = self._was_near(evidence.t_s, NEAR_S)
         found = self._find(evidence.frame, near.pose if is_near else None)
         self._failed_s = evidence.t_s if isinstance(found, NotLocated) else None
         return found
@@ -213,7 +225,7 @@ class EdgeLocalizer:
     def _may_search(self, t_s: float | None) -> bool:
         if t_s is None or self._failed_s is None:
             return True
-        return not 0.0 <= t_s - self._failed_s < self.follower.settings.search_again_s
+        return not 0.0 <= t_s - self._failed_s < _SEARCH_AGAIN_S
 
     def _find(self, frame: UInt8Array, near: Pose2 | None = None) -> FollowedCamera | NotLocated:
         return self._made_finder().find(frame, near)
@@ -244,8 +256,7 @@ class EdgeLocalizer:
     def _as_estimate(self, prior: PoseEstimate | Pose2) -> PoseEstimate:
         if isinstance(prior, PoseEstimate):
             return prior
-        s = self.follower.settings
-        return PoseEstimate(prior, np.diag([s.prior_std_m, s.prior_std_m, s.prior_std_rad]) ** 2, 1.0, 0.0)
+        return PoseEstimate(prior, np.diag([_PRIOR_STD_M, _PRIOR_STD_M, PRIOR_STD_RAD]) ** 2, 1.0, 0.0)
 
     def _widened(self, near: PoseEstimate) -> PoseEstimate:
         """Return a prior at least as wide as one of which only the pose is given."""

@@ -21,7 +21,15 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.bands import line_bands
 from robocup_vision.kernels.model_edges.carpet import LIT_CARPET, carpet_look, carpet_marks
 from robocup_vision.kernels.model_edges.follow import brightness
-from robocup_vision.localization.model_edges.finder import Clues, CluesAt, EdgeFinder, FinderSettings, TiltedPose
+from robocup_vision.localization.model_edges.finder import (
+    PROPOSAL_STD_M,
+    PROPOSAL_STD_RAD,
+    Clues,
+    CluesAt,
+    EdgeFinder,
+    FinderSettings,
+    TiltedPose,
+)
 from robocup_vision.localization.model_edges.follower import EdgeFollower, FollowedCamera
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 
@@ -150,11 +158,11 @@ class TiltFinder(EdgeFinder):
         return replace(answer, likelihood=self.follower.likelihood_under(self._known_std)).without_prior()
 
     def _fit(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
-        s, near = self.settings, self._nearness
+        near = self._nearness
         if isinstance(pose, TiltedPose):
             std = near * _FIT_STD_RAD
             mounting = Mounting(tilt_rad=pose.tilt_rad, roll_rad=pose.roll_rad, tilt_std_rad=std, roll_std_rad=std)
             self.follower.hold(self.follower.camera.held(mounting))
             self.follower.forget()
-        covariance = np.diag([near * s.std_m, near * s.std_m, near * s.std_rad]) ** 2
+        covariance = np.diag([near * PROPOSAL_STD_M, near * PROPOSAL_STD_M, near * PROPOSAL_STD_RAD]) ** 2
         return self.follower.follow(frame, PoseEstimate(pose, covariance, 1.0, 0.0), modes=1, is_proposal=True)

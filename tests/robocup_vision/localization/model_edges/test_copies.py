@@ -16,7 +16,7 @@ from robocup_vision.localization.distinct import pose_offset
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.model_edges.finder import EdgeFinder, for_walled_fields
 from robocup_vision.localization.model_edges.follower import EdgeFollower
-from robocup_vision.localization.model_edges.localizer import EdgeLocalizer
+from robocup_vision.localization.model_edges.localizer import EdgeLocalizer, reductions
 from robocup_vision.localization.model_edges.settings import EdgeSettings
 from robocup_vision.vision import Vision
 from sim2d.rendering.pinhole import render_pinhole
@@ -89,8 +89,7 @@ def test_a_follower_of_copies_tells_residuals_and_focal_length_of_the_whole_fram
 
 
 def test_a_small_frame_has_no_copy():
-    edges = EdgeSettings()
-    assert [edges.reductions(width_px) for width_px in (208, 416, 640)] == [[], [2], [2, 3]]
+    assert [reductions(width_px) for width_px in (208, 416, 640)] == [[], [2], [2, 3]]
 
 
 def test_a_frame_without_a_field_confirms_nothing_in_a_second_look_either(blurred_shot):

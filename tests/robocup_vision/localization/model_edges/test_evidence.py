@@ -10,10 +10,9 @@ from wrong_files import problem_of
 
 from robocup_vision.kernels.model_edges.verdict import log_odds
 from robocup_vision.localization.model_edges.evidence import CandidateSettings, Evidence, accepted, posterior, weigh
-from robocup_vision.localization.model_edges.settings import EdgeSettings
 from robocup_vision.localization.model_edges.weights import load_edge_weights
 
-SETTINGS, WEIGHTS = EdgeSettings(), load_edge_weights()
+WEIGHTS = load_edge_weights()
 
 
 def changed(evidence, **change):
@@ -60,33 +59,33 @@ def test_the_distance_counts_from_a_prior_alone():
 
 
 def test_every_reason_to_refuse():
-    assert weigh(GOOD, SETTINGS).reason is None
-    assert "only 2 of 100 places" in str(weigh(changed(GOOD, inliers=2), SETTINGS).reason)
+    assert weigh(GOOD).reason is None
+    assert "only 2 of 100 places" in str(weigh(changed(GOOD, inliers=2)).reason)
     less = changed(GOOD, found=20, inliers=20, edges=3)
-    assert weigh(less, SETTINGS).reason is None
+    assert weigh(less).reason is None
     for against in ({"missing": 40}, {"explained": 0}, {"prior_distance2": 30.0}, {"rms_px": 2.0}):
-        assert "odds" in str(weigh(changed(less, **against), SETTINGS).reason)
+        assert "odds" in str(weigh(changed(less, **against)).reason)
 
 
 def test_the_frames_before_vouch_for_a_prior_that_a_frame_hardly_shows():
-    assert weigh(FAINT, SETTINGS).reason is not None
-    assert weigh(FAINT, SETTINGS, 3.0).reason is None
+    assert weigh(FAINT).reason is not None
+    assert weigh(FAINT, 3.0).reason is None
     few = changed(FAINT, found=2, inliers=2)
-    assert "places on edges agree" in str(weigh(few, SETTINGS, 3.0).reason)
+    assert "places on edges agree" in str(weigh(few, 3.0).reason)
     # what contradicts the pose outweighs that
     far = changed(FAINT, prior_distance2=27.0, rms_px=2.0)
-    assert "odds" in str(weigh(far, SETTINGS, 3.0).reason)
-    assert "odds" in str(weigh(changed(FAINT, missing=30), SETTINGS, 3.0).reason)
+    assert "odds" in str(weigh(far, 3.0).reason)
+    assert "odds" in str(weigh(changed(FAINT, missing=30), 3.0).reason)
 
 
 def test_a_frame_that_fixes_nothing_is_neutral():
     open_ = changed(FAINT, found=30, inliers=30, edges=2, position_std_m=9.0)
     assert open_.log_odds < 0.0
     for neutral in (open_, FAINT):
-        assert weigh(neutral, SETTINGS).log_likelihood_ratio == 0.0
+        assert weigh(neutral).log_likelihood_ratio == 0.0
     for against in ({"prior_distance2": 25.0}, {"missing": 40.0}):
-        assert weigh(changed(open_, **against), SETTINGS).log_likelihood_ratio < -1.0
-    assert weigh(changed(open_, position_std_m=0.02), SETTINGS).log_likelihood_ratio > 1.0
+        assert weigh(changed(open_, **against)).log_likelihood_ratio < -1.0
+    assert weigh(changed(open_, position_std_m=0.02)).log_likelihood_ratio > 1.0
 
 
 @pytest.mark.parametrize(

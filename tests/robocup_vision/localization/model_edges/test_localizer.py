@@ -16,8 +16,8 @@ from robocup_vision.estimates import EdgeState, NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.find import floor_places
 from robocup_vision.localization.model_edges.finder import EdgeFinder, FinderSettings
-from robocup_vision.localization.model_edges.follower import EdgeFollower
-from robocup_vision.localization.model_edges.settings import EdgeSettings
+from robocup_vision.localization.model_edges.follower import ODDS_MEMORY_S, EdgeFollower
+from robocup_vision.localization.model_edges.localizer import NEAR_S, PRIOR_STD_RAD
 from robocup_vision.memory import Memory
 from robocup_vision.vision import Vision
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, sample_goal
@@ -176,7 +176,7 @@ def test_only_a_robot_located_lately_can_have_slipped(fl_shot, monkeypatch):
     monkeypatch.setattr(EdgeFollower, "follow", note)
     monkeypatch.setattr(EdgeFinder, "find", lambda self, frame, near=None: NotLocated("none is right"))
     near = PoseEstimate(fl_shot.pose, np.diag([0.02, 0.02, 0.02]) ** 2, 1.0, 0.0)
-    empty, memory_s = np.full_like(fl_shot.frame, 90), EdgeSettings().odds_memory_s
+    empty, memory_s = np.full_like(fl_shot.frame, 90), ODDS_MEMORY_S
     for frame, t_s, is_looked_beside in (
         (empty, 0.0, False),
         (fl_shot.frame, 0.1, False),
@@ -187,7 +187,7 @@ def test_only_a_robot_located_lately_can_have_slipped(fl_shot, monkeypatch):
     ):
         stds.clear()
         vision.look(frame, t_s, prior=near)
-        assert (max(stds) > EdgeSettings().prior_std_rad) == is_looked_beside
+        assert (max(stds) > PRIOR_STD_RAD) == is_looked_beside
 
 
 def test_memory_takes_the_frame_s_own_word(fl_shot):
@@ -281,7 +281,7 @@ def test_a_camera_located_lately_is_searched_for_about_its_prior(fl_shot, monkey
         EdgeFinder, "find", lambda self, frame, near=None: nears.append(near) or NotLocated("none is right")
     )
     wide = PoseEstimate(fl_shot.pose, np.diag([0.3, 0.3, 0.2]) ** 2, 1.0, 0.0)
-    empty, near_s = np.full_like(fl_shot.frame, 90), EdgeSettings().near_s
+    empty, near_s = np.full_like(fl_shot.frame, 90), NEAR_S
     vision.look(empty, 0.0, prior=wide)
     assert vision.look(fl_shot.frame, 1.0, prior=fl_shot.pose).pose
     vision.look(empty, 1.0 + 0.9 * near_s, prior=wide)
