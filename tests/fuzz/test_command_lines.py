@@ -34,7 +34,7 @@ def test_any_words_end_in_a_status_and_at_most_one_line(tmp_path, monkeypatch):
     os.symlink(CORPUS / "dataset", tmp_path / "dataset")
     rng = np.random.default_rng(10)
     statuses = []
-    for _ in range(200):
+    for _ in range(400):
         line = str(rng.choice(COMMANDS)).split() + [str(w) for w in rng.choice(WORDS, rng.integers(0, 6))]
         out, err = io.StringIO(), io.StringIO()
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
@@ -46,4 +46,4 @@ def test_any_words_end_in_a_status_and_at_most_one_line(tmp_path, monkeypatch):
         if status == 2:
             assert len(err.getvalue().splitlines()) == 1, (line, err.getvalue())
         statuses.append(status)
-    assert statuses.count(2) > 100
+    assert statuses.count(2) > 200

@@ -26,10 +26,10 @@ def head_camera():
 
 CAMERAS = {
     # field, camera, pictures, and every how many a random prior is handed over, too
-    "mirror, walls": ("ssl_2001", sekimori_camera, 200, 5),
-    "mirror, carpet": ("msl_6x4", sekimori_camera, 150, 5),
-    "goal": ("four_legged_2007", lambda: load_camera(IMAGES / "goal_four_legged" / "camera.toml"), 80, 10),
-    "edges": ("four_legged_2007", head_camera, 80, 5),
+    "mirror, walls": ("ssl_2001", sekimori_camera, 400, 5),
+    "mirror, carpet": ("msl_6x4", sekimori_camera, 300, 5),
+    "goal": ("four_legged_2007", lambda: load_camera(IMAGES / "goal_four_legged" / "camera.toml"), 150, 10),
+    "edges": ("four_legged_2007", head_camera, 150, 5),
 }
 
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from field_models import load_field
+from field_models import field_names, load_field
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.evaluation import report
 from robocup_vision.evaluation.dataset import Truth, load_dataset
@@ -100,9 +100,12 @@ def test_whatever_there_is_gets_drawn(rows: list[Row], count: int) -> None:
     assert all(PNG.match(source) and caption for source, caption in plots)
 
 
-# with walls and goals of a hue, and without either
-@pytest.mark.parametrize("name", ["ssl_2001", "spl_2020"])
-def test_a_field_has_a_map(name: str) -> None:
+@pytest.mark.parametrize(
+    "name",
+    [one if one in ("ssl_2001", "spl_2020") else pytest.param(one, marks=pytest.mark.slow) for one in field_names()],
+)
+def test_every_field_has_a_map(name: str) -> None:
+    """The slow cases alone find a field whose map cannot be drawn."""
     ((source, _),) = draw_plots(load_field(name), [ROWS[4]])
     assert PNG.match(source)
 

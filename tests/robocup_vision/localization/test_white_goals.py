@@ -39,8 +39,9 @@ def test_a_goal_without_any_line_is_enough():
     assert found.pose.pose.error_to(sample.pose, symmetric=True)[0] < 0.2
 
 
-def test_both_halves_are_possible_and_a_prior_chooses():
-    (sample,) = sample_goal(FIELD, CONDITION, 11, 14, indices=[1], supersample=2)
+@pytest.mark.parametrize("index", [1, 4])
+def test_both_halves_are_possible_and_a_prior_chooses(index):
+    (sample,) = sample_goal(FIELD, CONDITION, 11, 14, indices=[index], supersample=2)
     localizer, evidence = GoalLocalizer(FIELD, CAMERA), frame_alone(sample.frame, CAMERA)
     assert not localizer.locate(evidence).tells_half
     for near in (sample.pose, sample.pose.half_turn()):
@@ -51,8 +52,8 @@ def test_both_halves_are_possible_and_a_prior_chooses():
 def test_poses_are_right_or_refused():
     """Only this finds white goals that poses are made up from, with a prior or without."""
     localizer, right, wrong = GoalLocalizer(FIELD, CAMERA), 0, 0
-    pictures = [*sample_goal(FIELD, CONDITION, 0, 6, supersample=2)]
-    pictures += sample_goal(FIELD, CONDITION, 5, 6, views=NEGATIVE_VIEWS, supersample=2)
+    pictures = [*sample_goal(FIELD, CONDITION, 0, 12, supersample=2)]
+    pictures += sample_goal(FIELD, CONDITION, 5, 12, views=NEGATIVE_VIEWS, supersample=2)
     for sample in pictures:
         near = sample.pose.compose(Pose2(0.2, -0.2, 0.08))
         for prior in (None, near):
@@ -60,7 +61,7 @@ def test_poses_are_right_or_refused():
             if found:
                 is_right = found.pose.error_to(sample.pose, symmetric=True)[0] < 0.1
                 right, wrong = right + is_right, wrong + (not is_right)
-    assert right >= 10
+    assert right >= 20
     # lines of which most are parallel may fit beside a goal that clutter hides from the search
     assert wrong <= right / 10
 

@@ -98,12 +98,9 @@ def test_every_robot_sees_at_the_kick_off(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["msl_6x4", "humanoid_kid_2025"])
-def test_a_field_plays_a_second_and_the_same_seed_plays_the_same_match(name):
-    """Only this finds a field on which players stop, lose their place or play another match each time.
-
-    `benchmarks/matches/every_field.py` plays on the other kinds of field.
-    """
+@pytest.mark.parametrize("name", [name for name, *_ in LEAGUES])
+def test_every_field_plays_a_second_and_the_same_seed_plays_the_same_match(name):
+    """Only this finds a field on which players stop, lose their place or play another match each time."""
     match, again = (Match(load_field(name), seed=5) for _ in range(2))
     same_s = 0.2
     for moment in match.play(same_s):

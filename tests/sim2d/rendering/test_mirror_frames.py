@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from field_models import load_field
+from field_models import field_names, load_field
 from robocup_vision.camera import OmniCamera, Tangent
 from robocup_vision.geometry import Pose2
 from sim2d.rendering.cameras import sekimori_camera
@@ -23,21 +23,20 @@ HIGH = OmniCamera(
     size_px=(160, 120), center_px=(81.0, 58.5), usable_radius_px=(10.0, 58.0), floor_range=Tangent(0.9, 0.025),
     mirrored=True, tilt_rad=(0.01, -0.02), viewpoint_height_m=0.7,
 )  # fmt: skip
+FEW = ("ssl_2001", "spl_2020", "msl_6x4")
 
 
 @pytest.mark.parametrize(
     ("name", "camera"),
     [
-        ("ssl_2001", sekimori_camera()),
-        ("spl_2020", sekimori_camera()),
-        ("msl_6x4", sekimori_camera()),
+        *((name, sekimori_camera()) for name in FEW),
         ("msl_6x4", HIGH),
-        pytest.param("msl_18x12", sekimori_camera(), marks=pytest.mark.slow),
+        *(pytest.param(name, sekimori_camera(), marks=pytest.mark.slow) for name in field_names() if name not in FEW),
         pytest.param("four_legged_2007", HIGH, marks=pytest.mark.slow),
     ],
 )
 def test_lines_are_those_of_the_ray_caster(name, camera):
-    """The slow cases alone find arcs in corners, or paint seen from high up, that the quick frames lose."""
+    """The slow cases alone find a field whose paint the quick frames lose."""
     field, rng = load_field(name), np.random.default_rng(4)
     bare = replace(field, lines=np.empty((0, 4)), arcs=np.empty((0, 5)))
     high = field.floor_polygon.max(axis=0)

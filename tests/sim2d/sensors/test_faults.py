@@ -130,17 +130,30 @@ def test_body_faults_say_what_they_are():
 
 
 @pytest.mark.slow
-def test_the_built_in_player_finds_its_place_again_within_a_second_of_being_carried():
-    """Only this finds a match that lays a robot down otherwise than it says, or counts its recovery wrongly."""
-    fault = BodyFault(0, 1.5, carry_to=Pose2(-0.6, -0.5, 2.0))
+@pytest.mark.parametrize(
+    "fault",
+    [
+        SenseFault(0, "dropped", 1.0, 3.0, 0.3),
+        SenseFault(0, "delayed", 1.0, 3.0, 0.1),
+        SenseFault(0, "odometry", 1.0, 3.0, 0.2),
+        BodyFault(0, 1.5, push_m=(0.1, 0.15)),
+        BodyFault(0, 1.5, turn_rad=math.radians(60.0)),
+        BodyFault(0, 1.5, carry_to=Pose2(-0.6, -0.5, 2.0)),
+    ],
+    ids=lambda fault: fault.kind,
+)
+def test_the_built_in_player_recovers_within_a_second(fault):
+    """Only this finds a fault, or a hand, after which a player does not know its place within a second."""
     match = Match(load_field("ssl_2001"), 1, 11, faults=[fault])
     for _ in match.play(fault.until_s + 2.0):
         pass
     figures = match.figures
-    assert figures.faults[0].kind == "carried"
+    assert figures.faults[0].kind == fault.kind
     assert figures.faults[0].recovery_s is not None
-    assert 0.0 < figures.faults[0].recovery_s <= 1.0
+    assert figures.faults[0].recovery_s <= 1.0
     assert figures.robots[0].stopped_reason == ""
+    if fault.kind in ("dropped", "delayed", "odometry"):
+        assert figures.robots[0].lost_ratio == 0.0
 
 
 FRAME = np.zeros((2, 2, 3), dtype=np.uint8)

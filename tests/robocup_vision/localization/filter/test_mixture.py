@@ -45,7 +45,6 @@ def test_frames_without_a_pose_after_a_contradiction_leave_the_most_probable_pos
 
 
 @pytest.mark.slow
-@settings(max_examples=12)
 @given(poses(1.2), poses(1.2), seeds, st.booleans())
 def test_a_kidnapped_robot_is_found_within_a_second_though_a_third_of_the_frames_are_lost(start, place, seed, half):
     """Only this finds a belief that holds out against most of a second's frames."""
@@ -65,7 +64,6 @@ def test_a_kidnapped_robot_is_found_within_a_second_though_a_third_of_the_frames
 
 
 @pytest.mark.slow
-@settings(max_examples=12)
 @given(poses(1.2), seeds)
 def test_frames_that_disagree_with_each_other_found_no_belief(start, seed):
     """Only this finds a belief that wrong frames carry away although no two agree."""
@@ -203,7 +201,6 @@ def test_a_shoved_robot_is_found_in_a_fifth_of_a_second_in_its_own_half(start, s
 
 
 @pytest.mark.slow
-@settings(max_examples=12)
 @given(poses(1.0), seeds)
 def test_wheels_that_spin_do_not_carry_the_belief_away(start, seed):
     """Only this finds odometry that outweighs two seconds of frames."""

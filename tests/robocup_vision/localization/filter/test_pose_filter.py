@@ -220,7 +220,7 @@ def test_no_place_of_the_field_is_special_to_frames_that_tell_the_half(start, dx
 
 
 @pytest.mark.slow
-@settings(max_examples=4)
+@settings(max_examples=12)
 @given(seeds)
 def test_the_order_in_which_frames_come_does_not_matter(seed):
     """Only this finds late frames whose order changes the belief."""
@@ -279,7 +279,7 @@ def test_a_step_of_odometry_is_as_uncertain_in_pieces():
         assert std[2] == pytest.approx(stds[0][2], rel=1e-9)
 
 
-@pytest.mark.parametrize(("bias_ratio", "worse_rate"), [(0.0, 0.0), (0.9, 0.0), (0.5, 0.5)])
+@pytest.mark.parametrize(("bias_ratio", "worse_rate"), [(0.0, 0.0), (0.5, 0.0), (0.9, 0.0), (0.2, 0.5), (0.5, 0.5)])
 def test_covariance_is_honest_when_errors_last_as_long_as_was_said(bias_ratio, worse_rate):
     rng = np.random.default_rng(4)
     nees = []
