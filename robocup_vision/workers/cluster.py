@@ -15,6 +15,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
+from weakref import WeakSet
 
 from distributed import Client, WorkerPlugin, get_worker, rpc
 from distributed.scheduler import KilledWorker
@@ -57,10 +58,12 @@ def _open(address: str, start: Start[Any, Any]) -> Iterator[Pool]:
                 f"the workers of {address} cannot do this: {type(error).__name__}: {' '.join(str(error).split())}; "
                 "each machine needs the same robocup-vision"
             ) from None
+        executor = _ClusterExecutor(client)
         try:
-            yield Pool(_ClusterExecutor(client), partial(_do, name), crew.slots, crew.look_after)
+            yield Pool(executor, partial(_do, name), crew.slots, crew.look_after)
         finally:
-            # closing the client cancels what is still handed out
+            # what is still handed out is of no use to anybody, and needs the plugin
+            executor.cancel()
             with suppress(Exception):
                 client.unregister_worker_plugin(name)
 
@@ -111,11 +114,18 @@ class _ClusterExecutor(Executor):
 
     def __init__(self, client: Any) -> None:
         self._client = client
+        self._calls: WeakSet[Any] = WeakSet()
 
     def submit(self, fn: Callable[..., R], /, *args: Any, **kwargs: Any) -> Future[R]:
         handed: Future[R] = Future()
-        self._client.submit(fn, *args, pure=False, **kwargs).add_done_callback(partial(_pass_on, handed))
+        call = self._client.submit(fn, *args, pure=False, **kwargs)
+        self._calls.add(call)
+        call.add_done_callback(partial(_pass_on, handed))
         return handed
+
+    def cancel(self) -> None:
+        """Cancel the calls that have not ended."""
+        self._client.cancel(list(self._calls))
 
 
 def _pass_on(handed: Future[Any], call: Any) -> None:
