@@ -50,20 +50,21 @@ _MIN_COUNTS = 16.0
 _MIN_CONTRAST = 8.0
 # heights of robots' cameras, and focal lengths of lenses in picture widths: least and greatest
 _HEIGHTS_M, _FOCAL_RATIOS = (0.02, 3.0), (0.2, 20.0)
-# distance, angle or number of frames over which odometry is compared; shorter motions are not significant
-_MAX_WAY_M, _MAX_WAY_RAD, _MAX_WAY_FRAMES = 0.5, math.radians(15.0), 15
+# a picture is compared with the first later one after this distance or angle by odometry, because shorter motions are
+# not significant; and the greatest number of frames between them
+_MIN_WAY_M, _MIN_WAY_RAD, _MAX_WAY_FRAMES = 0.5, math.radians(15.0), 15
 # pictures of another subject: greatest ratio of located ones, and least ratio of those with ground in front of the
 # robot that is not green
 _MAX_STRAY_RATIO, _MIN_OTHER_RATIO = 0.1, 0.5
 # least mean inlier ratio of a correct set-up
 _MIN_AGREEMENT = 0.6
-# standard deviations of a significant error, and significant errors: of the centre, relative to the image's smaller
-# side; of the floor range, relative; and mean error of the headings
+# an error is reported if it exceeds this number of standard deviations, and these bounds: of the centre, relative to
+# the image's smaller side; of the floor range or the focal length, relative; and of the headings' median
 _SIGNIFICANCE, _MAX_CENTER_RATIO, _MAX_RANGE_ERROR, _MAX_HEADING_ERROR_RAD = 3.0, 0.0015, 0.01, math.radians(3.0)
 # least intersection over union of the floor by fixed and by learnt colours
 _MIN_COLOR_AGREEMENT = 0.8
 # least number of headings, or of pictures of a calibration, for a decision
-_MIN_TURNS = 3
+_MIN_SAMPLES = 3
 # least evidence of an image, and of all images, about the order of the channels
 _MIN_CHANNEL_NATS, _REPORT_CHANNEL_NATS = 1.0, math.log(100.0)
 # subjects of `NearSetUp` that a calibration by edges determines more precisely
@@ -164,10 +165,10 @@ def _other_size(dataset: Dataset, images: list[tuple[str, UInt8Array | FrameErro
         return []
     doctor = Doctor(dataset, pictures)
     found = doctor.find()
-    return [] if found is None else [_of_doctor(doctor, found, len(pictures))]
+    return [] if found is None else [_near_set_up_finding(doctor, found, len(pictures))]
 
 
-def _of_doctor(doctor: Doctor, found: tuple[NearSetUp, int], count: int) -> Finding:
+def _near_set_up_finding(doctor: Doctor, found: tuple[NearSetUp, int], count: int) -> Finding:
     near, fitting = found
     mend = f": {near.mend}" if near.mend else ""
     evidence = (
@@ -238,7 +239,7 @@ class _Check:
             if found is not None:
                 camera = found[0].set_up.camera
                 by_edges = self._check_by_edges(camera) if found[0].subject in _BY_EDGES else []
-                return [*findings, _of_doctor(doctor, found, len(self.views)), *by_edges]
+                return [*findings, _near_set_up_finding(doctor, found, len(self.views)), *by_edges]
         other = self._other_pictures()
         if other is not None:
             return [*findings, other]
@@ -286,7 +287,7 @@ class _Check:
                 break
             moved = moved.compose(step)
             way_m, way_rad = way_m + math.hypot(step.x_m, step.y_m), way_rad + step.theta_rad
-            if way_m >= _MAX_WAY_M or abs(way_rad) >= _MAX_WAY_RAD:
+            if way_m >= _MIN_WAY_M or abs(way_rad) >= _MIN_WAY_RAD:
                 try:
                     return Picture(name, frame, dataset.read_frame(number), moved)
                 except FrameError:
@@ -349,7 +350,7 @@ class _Check:
     def _check_heading(self, camera: OmniCamera) -> list[Finding]:
         # double angles are equal for both halves of a symmetric field
         off = np.array([2 * (pose.theta_rad - truth_rad) for pose, truth_rad in self._headings()])
-        if len(off) < _MIN_TURNS:
+        if len(off) < _MIN_SAMPLES:
             return []
         middle = math.atan2(float(np.median(np.sin(off))), float(np.median(np.cos(off))))
         spread = float(np.median([abs(wrap_angle(value - middle)) for value in off])) / 2
@@ -407,7 +408,7 @@ class _Check:
             return []
         some = dict(list(enumerate(self.frames))[:: -(-len(self.frames) // _MAX_CALIBRATED)])
         fit = calibrate_by_edges(self.dataset.field, some, [start], {}, StartTrials())
-        if isinstance(fit, NotCalibrated) or len(fit.unknowns) < _MIN_TURNS:
+        if isinstance(fit, NotCalibrated) or len(fit.unknowns) < _MIN_SAMPLES:
             return []
         tilt_std, _, height_std, focal_std, *_ = np.sqrt(np.diag(fit.covariance)).tolist()
         focal_px, height_m, tilt_rad = fit.camera.focal_px[0], fit.camera.height_m, fit.camera.tilt_rad or 0.0

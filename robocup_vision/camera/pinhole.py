@@ -28,8 +28,8 @@ DISTORTION_LENGTHS = (0, 4, 5, 8)
 _WIDEST_SLOPE = 8.0  # tangent of the greatest angle off the axis of a distorted lens: 83 degrees
 # tolerance of the inverted distortion, as a slope
 _DISTORTED_STEP = 1e-12
-# standard deviation of tilt and roll about those at rest, of a walking robot, and of a roll that is not known: robots
-# hold their cameras roughly upright
+# standard deviation of tilt and roll of a walking robot about those at rest; and of an unknown roll: robots hold their
+# cameras roughly upright
 SWAY_STD_RAD, UPRIGHT_STD_RAD = 0.02, 0.1
 # step of the numerical derivative of a fisheye's radius
 _ANGLE_STEP_RAD = 1e-6
@@ -213,7 +213,7 @@ class PinholeCamera:
         return all(getattr(self, name) == getattr(other, name) for name in _MOUNTING_BUT_PAN)
 
     def _with_mounting(self, values: Mapping[str, float | None]) -> PinholeCamera:
-        # called at least once in every frame: without checks, and with the same tables of the lens
+        # called at least once in every frame, so without checks; the cached tables of the lens are kept
         other = object.__new__(type(self))
         vars(other).update(vars(self))
         vars(other).update(values)

@@ -1,1 +1,1 @@
-"""Where a robot is by what hangs on the walls: a map of landmarks from three cameras, and poses from one."""
+"""Localisation by landmarks on the surroundings: a map from a run with three cameras, and poses from one camera."""

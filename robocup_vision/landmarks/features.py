@@ -1,7 +1,7 @@
-"""SIFT keypoints with what the map needs of them: place, contrast, scale; and matching by one matrix product.
+"""SIFT features with pixel, contrast and scale, and their matching.
 
-After Ogawa et al. (2011), section 2.1: contrast is |D| of the difference of Gaussians, and the spacing of the octave a
-keypoint was found in, d_s, gives its precision.
+After Ogawa et al. (2011), section 2.1: contrast is |D| of the difference of Gaussians, and the sample spacing d_s of
+the octave in which a keypoint was found determines its precision.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from robocup_vision.arrays import Float32Array, FloatArray, Int64Array, UInt8Arr
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.kernels.landmarks.matching import Described, best_two
 
-RATIO = 0.7  # eq. 3
-# the same in the small window where a known pose puts a landmark: few rivals are left in it
+RATIO = 0.7  # greatest ratio of the distances of the nearest and the second nearest descriptor, eq. 3
+# greatest ratio in the small window around a landmark's pixel by a known pose, which contains few rivals
 KNOWN_RATIO = 0.85
-# a feature's diameter may differ from the expected one by this factor: half an octave and some noise
+# greatest factor between a feature's diameter and the expected one: half an octave and some noise
 SIZE_RATIO = 1.6
-# unit descriptors farther apart than this are of different things even where no rival is near: a right angle is 1.41
+# greatest distance of matching unit descriptors, also without a rival; that of orthogonal ones is 1.41
 MAX_DISTANCE = 0.75
-# descriptors are stored in bytes; a unit vector's largest entries are near 0.4 after SIFT's own clipping
+# factor on unit descriptors stored as bytes; the largest entries are near 0.4 after SIFT's own clipping
 BYTE_SCALE = 512.0
-# the paper's 0.5 * d_s stands for quantisation, as if keypoints were not interpolated
+# the paper's standard deviation 0.5 * d_s is that of quantisation, as if keypoints were not interpolated
 PIXEL_STD_PER_SPACING = 0.5
-# side of the tiles that `extract_near` looks at, and how much of their rim it leaves out
+# side of the tiles of `extract_near`, and width of their rim in which keypoints are dropped
 TILE_PX = 56
 TILE_MARGIN_PX = 5
 
@@ -40,16 +40,11 @@ TILE_MARGIN_PX = 5
 class Features:
     """Keypoints of one image."""
 
-    #: where they are, u and v, with the lens's distortion taken out: x, y of an ideal camera of equal focal length
-    pixels: FloatArray
-    #: diameter of what each describes
-    size_px: FloatArray
-    #: d_s: pixels between samples of the octave each was found in
-    spacing_px: FloatArray
-    #: |D|
-    contrast: FloatArray
-    #: unit vectors; D is 128 for SIFT
-    descriptors: Float32Array
+    pixels: FloatArray  #: (N, 2) float64: u and v without the lens's distortion (ideal pixels)
+    size_px: FloatArray  #: (N,) float64: diameter of the described region
+    spacing_px: FloatArray  #: (N,) float64: sample spacing d_s of the keypoint's octave
+    contrast: FloatArray  #: (N,) float64: contrast |D|
+    descriptors: Float32Array  #: (N, D) float32: unit vectors; D is 128 for SIFT
 
     def __len__(self) -> int:
         return len(self.pixels)
@@ -78,15 +73,15 @@ class SiftExtractor:
     Parameters
     ----------
     camera : PinholeCamera
-        Frames must have its size; its distortion is taken out of the keypoints' places.
+        Frames must have its size; its distortion is removed from the keypoints' pixels.
     shrink : int
-        Look at the frame reduced by this factor: the fine octaves are given up, and with them most of the time.
+        Factor by which frames are reduced: without the fine octaves most of the time is saved.
     """
 
     def __init__(self, camera: PinholeCamera, *, shrink: int = 1) -> None:
         self.camera = camera
         self.shrink = shrink
-        # keypoints of less contrast are unstable
+        # keypoints with less contrast are unstable
         self._sift = cv2.SIFT.create(contrastThreshold=0.02, enable_precise_upscale=True)
 
     def extract(self, frame: UInt8Array) -> Features:
@@ -106,10 +101,10 @@ class SiftExtractor:
         return features_of(self.camera, keypoints, descriptors, float(self.shrink))
 
     def extract_near(self, frame: UInt8Array, places_px: FloatArray, max_ratio: float) -> Features:
-        """Find the features around some places (K, 2) of a frame only, the first places first.
+        """Find the features only near some pixels (K, 2) of a frame, of which the first have priority.
 
-        Tiles around the places are put side by side into one small picture, up to `max_ratio` of the frame's area;
-        keypoints near a tile's edge are dropped, for what is beyond it is not what the frame shows there.
+        Tiles around these pixels are joined to one small picture, of up to `max_ratio` of the frame's area. Keypoints
+        near a tile's edge are dropped, because the neighbouring tile shows another part of the frame.
         """
         as_frame(frame, self.camera.size_px)
         tiles = _tiles(places_px, self.camera.size_px, max_ratio)
@@ -138,7 +133,7 @@ class SiftExtractor:
 
 
 def _tiles(places_px: FloatArray, size_px: tuple[int, int], max_ratio: float) -> list[tuple[int, int]]:
-    """Corners of tiles around places that no earlier tile has well inside, as many as that ratio of the area allows."""
+    """Return corners of tiles around places that are not well inside an earlier tile, up to a ratio of the area."""
     width, height = size_px
     most = max(int(max_ratio * width * height / TILE_PX**2), 1)
     tiles: list[tuple[int, int]] = []
@@ -179,7 +174,7 @@ def features_of(
 
 
 def to_bytes(descriptors: Float32Array) -> UInt8Array:
-    """Pack unit descriptors into bytes, a quarter of the memory."""
+    """Pack unit descriptors into bytes, which need a quarter of the memory."""
     return np.asarray(np.clip(np.rint(descriptors * BYTE_SCALE), 0, 255), dtype=np.uint8)
 
 
@@ -202,17 +197,20 @@ def match(
 
     Parameters
     ----------
+    first, second : (N, D), (M, D) float32
+        Unit descriptors.
     allowed : (N, M) bool
-        Which pairs may be partners; the ratio is taken among these alone.
+        Whether each pair may match; the ratio test only compares these.
     ratio : float
-        Eq. 3: the nearest must be nearer than this times the second nearest.
+        Greatest ratio of the distances of the nearest and the second nearest, eq. 3.
     best_claim_wins : bool
-        Where several claim the same partner: the nearest gets it, or none, as in the paper.
+        If several of `first` have the same nearest partner, whether the nearest of them is matched, or none as in the
+        paper.
 
     Returns
     -------
     (K,), (K,) int64
-        Numbers of the partners in `first` and in `second`.
+        Indices of the partners in `first` and in `second`.
     """
     if not len(first) or not len(second):
         none = np.empty(0, dtype=np.int64)
@@ -229,7 +227,7 @@ def match(
 def match_by_loop(
     first: Described, second: Features, gate_px: tuple[float, float], *, ratio: float = RATIO
 ) -> tuple[Int64Array, Int64Array]:
-    """Match as `match` does, landmark by landmark, within `gate_px` of where each is expected; compiled."""
+    """Match as `match` does, by a compiled loop, within half windows `gate_px` (u, v) around each expected pixel."""
     features = Described(second.descriptors, second.pixels, second.size_px)
     best, nearest, runner_up = best_two(first, features, gate_px, SIZE_RATIO)
     return _accept(best, nearest, runner_up, len(second), ratio)
@@ -261,7 +259,7 @@ def near(
     second: Features,
     gate_px: tuple[float, float],
 ) -> npt.NDArray[np.bool_]:
-    """(N, M) bool: which features lie within a window of the expected places and are about as large as expected."""
+    """Return whether features (M) lie in the windows of expected pixels and have about their sizes, (N, M) bool."""
     du = np.abs(first_px[:, :1] - second.pixels[None, :, 0]) <= gate_px[0]
     dv = np.abs(first_px[:, 1:] - second.pixels[None, :, 1]) <= gate_px[1]
     scale = np.abs(np.log(first_size)[:, None] - np.log(second.size_px)[None, :]) <= np.log(SIZE_RATIO)

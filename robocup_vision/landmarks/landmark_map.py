@@ -1,7 +1,7 @@
-"""The map: landmarks with position, covariance, what they look like from 36 directions, and how often they were seen.
+"""The landmark map: positions with covariances, appearances from 36 directions, and numbers of observations.
 
-Saved as one .npz with a format number; a damaged file is refused with the reason. `MapIndex` finds the landmarks that a
-camera may see without looking at the whole map.
+It is saved as one .npz file with a format number. `MapIndex` finds the landmarks that a camera may see without a search
+of the whole map.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from robocup_vision.landmarks.pose_fit import project, to_camera
 
 FORMAT = 1
 DIRECTIONS = 36
-# SIFT's descriptors hold over a change of view of about this much
+# change of the viewing direction over which SIFT's descriptors can be matched
 VIEW_REACH_RAD = math.radians(20.0)
 # landmarks farther away are not expected
 _FARTHEST_M = 40.0
@@ -36,34 +36,34 @@ _FARTHEST_M = 40.0
 
 @dataclass(frozen=True, eq=False)
 class LandmarkMap:
-    """Landmarks, L of them, seen from V directions altogether.
+    """L landmarks with V views: a view is the appearance of one landmark from one direction.
 
     Parameters
     ----------
     positions_m : (L, 3) float64
         Field frame, z up from the floor.
     covariances : (L, 3, 3) float64
-        Of the positions as seen from around there, m^2; the error common to neighbours is in `trajectory_cov`.
+        Covariances of the positions, m^2, without the error common to neighbours, which is in `trajectory_cov`.
     noise : (L,) float64
-        Noise of each one's pixels, as a multiple of the paper's 0.5 * d_s.
+        Standard deviation of each one's pixels, as a multiple of the paper's 0.5 * d_s.
     seen, missed : (L,) int64
         How often each was expected and observed (the paper's m), and expected but not observed (l).
     view_landmark : (V,) int64
-        Which landmark each view is of.
+        Index of each view's landmark.
     view_direction : (V,) int64
-        Of the line of sight in the field frame, 0 to 35: multiples of 10 degrees from +x counter-clockwise.
+        Direction of the line of sight in the field frame, 0 to 35: multiples of 10 degrees from +x counter-clockwise.
     view_descriptors : (V, D) uint8
         Packed by `features.to_bytes`.
     view_contrast : (V,) float64
-        ``|D|``.
+        SIFT's contrast ``|D|`` of the keypoint.
     view_size_m : (V,) float64
-        Diameter of what the keypoint describes, metres.
+        Diameter of the keypoint's described region, metres.
     view_spacing_m : (V,) float64
-        Spacing d_s of its octave where it is, metres.
+        Sample spacing d_s of the keypoint's octave at the landmark's distance, metres.
     trajectory : (F, 3) float64
-        x, y, theta of the robot at the frames the map was made from.
+        x, y, theta of the robot at the frames from which the map was made.
     trajectory_cov : (F, 3, 3) float64
-        Of these: how far the map may have drifted there.
+        Covariances of these poses, as the map's possible drift there.
     """
 
     positions_m: FloatArray
@@ -120,7 +120,7 @@ class LandmarkMap:
         return len(self.positions_m)
 
     def drift(self, pose: FloatArray) -> FloatArray:
-        """Covariance (3, 3) of where the map lies around a pose (3,): that of the nearest frame it was made of."""
+        """Return the covariance (3, 3) of the map's drift around a pose (3,): that of the nearest frame of its run."""
         if not len(self.trajectory):
             return np.zeros((3, 3))
         apart = self.trajectory - pose
@@ -131,9 +131,9 @@ class LandmarkMap:
 
     @property
     def success(self) -> FloatArray:
-        """(L,) float64: smoothed rate of detection where it was expected, (m + 0.5) / (m + l + 2).
+        """(L,) float64: smoothed detection rate of each landmark, (m + 0.5) / (m + l + 2).
 
-        The paper prints m / (m + n) and means m / (m + l); unsmoothed, landmarks seen once would all come first.
+        The paper prints m / (m + n) and means m / (m + l). Without smoothing, landmarks seen once would rank first.
         """
         return np.asarray((self.seen + 0.5) / (self.seen + self.missed + 2.0))
 
@@ -144,7 +144,7 @@ class LandmarkMap:
 
 
 class Views(Protocol):
-    """The arrays by which landmarks are predicted in an image: of a `LandmarkMap`, or of one that is being made."""
+    """The arrays by which landmarks are predicted in an image, of a `LandmarkMap` or a `DraftMap`."""
 
     @property
     def positions_m(self) -> FloatArray: ...  # noqa: D102
@@ -162,10 +162,10 @@ class Views(Protocol):
 class Expected:
     """Landmarks that are predicted in an image from a pose, one view of each."""
 
-    view: Int64Array  #: (N,) int64: the view from the nearest direction
-    landmark: Int64Array  #: (N,) int64: which landmark it is of
-    pixels: FloatArray  #: (N, 2) float64: where it is expected, ideal pixels
-    depth_m: FloatArray  #: (N,) float64: along the optical axis
+    view: Int64Array  #: (N,) int64: index of the view from the nearest direction
+    landmark: Int64Array  #: (N,) int64: index of its landmark
+    pixels: FloatArray  #: (N, 2) float64: expected ideal pixels
+    depth_m: FloatArray  #: (N,) float64: distance along the optical axis
     #: (N,) float64, (N,) float64: diameter and sample spacing of the keypoint in the image
     size_px: FloatArray
     spacing_px: FloatArray
@@ -179,7 +179,7 @@ class Expected:
 
 
 def expect(landmarks: Views, camera: PinholeCamera, pose: FloatArray) -> Expected:
-    """All landmarks in the view frustum of a robot at a pose (3,) that were seen from within 20 degrees of there."""
+    """Predict all landmarks in the view frustum at a robot's pose (3,), each by its view nearest in direction."""
     points = to_camera(camera, pose, landmarks.positions_m)
     pixels = project(camera, points)
     width, height = camera.size_px
@@ -199,7 +199,7 @@ def nearest_views(
     pixels: FloatArray,
     depth_m: FloatArray,
 ) -> Expected:
-    """Of views (N,), keep those from within 20 degrees of the line of sight, and the nearest one of each landmark.
+    """Return the view nearest to the line of sight of each landmark, if it is within 20 degrees, from views (N,).
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def nearest_views(
     views : (N,) int64
         Views of landmarks in the frustum.
     pixels, depth_m : (N, 2), (N,) float64
-        Where each one's landmark is expected.
+        Expected ideal pixel and depth of each view's landmark.
     """
     of = landmarks.view_landmark[views]
     eye = viewpoint_in_field(camera, pose)
@@ -235,7 +235,7 @@ def viewpoint_in_field(camera: PinholeCamera, pose: FloatArray) -> FloatArray:
 
 
 def direction_of(camera: PinholeCamera, pose: FloatArray, points_m: FloatArray) -> Int64Array:
-    """Which of the 36 directions points (N, 3) of the field frame are seen in."""
+    """Return in which of the 36 directions (N,) points (N, 3) of the field frame are seen from a robot's pose (3,)."""
     eye = viewpoint_in_field(camera, pose)
     bearing = np.arctan2(points_m[:, 1] - eye[1], points_m[:, 0] - eye[0])
     return np.asarray(np.rint(bearing * (DIRECTIONS / math.tau)).astype(np.int64) % DIRECTIONS)
@@ -302,9 +302,9 @@ class MapIndex:
     cell_m : float
         Side of a cell of space.
     keep : int
-        Views kept of a cell and direction: those of the highest success rate, then contrast.
+        Number of views for each cell and direction: those of the highest success rate, then contrast.
     reach_m : float
-        Farthest distance looked up.
+        Greatest distance of a landmark.
     """
 
     def __init__(self, landmarks: LandmarkMap, *, cell_m: float = 0.25, keep: int = 3, reach_m: float = 15.0) -> None:
@@ -337,7 +337,7 @@ class MapIndex:
         return len(self._views)
 
     def expect(self, camera: PinholeCamera, pose: FloatArray) -> Expected:
-        """Predict landmarks in the view frustum at a pose (3,) of the robot, as `expect` does, the best a cell."""
+        """Predict landmarks as the function `expect` does, but only by the views of the index."""
         found = self._found
         count = views_in_frustum(
             pinhole_view(camera),
@@ -353,7 +353,7 @@ class MapIndex:
 
 
 def pinhole_view(camera: PinholeCamera) -> PinholeView:
-    """Return what the kernels need of a camera."""
+    """Return a camera's parameters for the kernels."""
     return PinholeView(
         np.ascontiguousarray(camera.camera_to_robot.T),
         np.array(camera.viewpoint_m),

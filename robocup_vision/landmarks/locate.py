@@ -1,4 +1,4 @@
-"""Where one camera is on a landmark map: near a prior by few well-chosen landmarks, or anywhere by all of them.
+"""Locates one camera on a landmark map: near a prior by a few selected landmarks, or anywhere by all of them.
 
 Ogawa et al. (2011), section 3, with the pixels' own noise in eq. 19 and Gauss-Newton in place of the exhaustive search.
 """
@@ -38,56 +38,57 @@ from robocup_vision.landmarks.selection import Selection, TimeBudget, select
 
 Matching = Literal["loop", "product"]
 
-# Pixels are those of an image 320 wide; they grow with the width.
-# half the window around where the prior puts a landmark (eqs. 16 and 17): a prior 0.1 m off at 1 m.
+# pixels are those of an image 320 wide, and are scaled with the width
+# half the window around a landmark's pixel by the prior (eqs. 16 and 17): an error of the prior of 0.1 m at 1 m
 _GATE_PX = 40.0
-_KNOWN_GATE_PX = 4.0  # the same after a first fit has placed the camera
-_SCOUTS = 16  # the most informative landmarks are matched first; if they agree, the others need no wide window
-# smallest number of agreeing scout matches: with fewer, all landmarks are matched in the wide window
+_KNOWN_GATE_PX = 4.0  # half the window after a first fit
+_SCOUTS = 16  # number of the most informative landmarks, which are matched first: their fit narrows the others' window
+# least inlier ratio of the scouts' matches; below it all landmarks are matched in the wide window
 _MIN_SCOUT_INLIER_RATIO = 0.6
-# area of the tiles that `regions` looks at, of the frame's: a third of a frame costs as much as the whole
+# area of the tiles of `regions` as a fraction of the frame's: a third of a frame takes as long as the whole
 _REGION_RATIO = 0.17
-# of the weights in each iteration of the fit, standard deviations: wide for a poor prior, then down to the noise
+# widths of the weights in each iteration of the fit, standard deviations: wide for a poor prior, then down to the noise
 _WEIGHT_WIDTHS = np.array((30.0, 15.0, 8.0, 5.0, 3.5, 3.0, 3.0, 3.0))
-# a pose has three unknowns and each landmark two numbers; six leave enough over to reject a wrong pose
+# a pose has three unknowns, and each landmark gives two numbers: six landmarks are redundant enough to reject a wrong
+# pose
 _MIN_INLIERS = 6
-_MIN_INLIER_RATIO = 0.4  # of the matches; where fewer agree, the pose is as likely one of chance
-_MAX_STD_M = 0.2  # a less certain pose is refused
-# of the prior, x (m), y (m) and theta (rad), when landmarks are selected
+_MIN_INLIER_RATIO = 0.4  # least inlier ratio of the matches; below it the pose is as likely a coincidence
+_MAX_STD_M = 0.2  # greatest standard deviation of the position
+# standard deviations of the prior for the selection of landmarks: x (m), y (m) and theta (rad)
 _PRIOR_STD = (0.1, 0.1, math.radians(5.0))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LandmarkMatch:
-    """The landmarks found in a frame, and the pose they give."""
+    """The landmarks found in a frame, and the pose by them."""
 
-    pose: PoseEstimate | NotLocated  #: the robot
-    expected: Expected  #: the landmarks looked for
-    matched: Int64Array  #: (K,) int64: which of these were found
-    pixels: FloatArray  #: (K, 2) float64: where, ideal pixels
-    inliers: npt.NDArray[np.bool_]  #: (K,) bool: which agree with the pose
-    #: seconds for ``features``, ``select``, ``match``, ``fit`` and, where it was needed, ``relocate``
+    pose: PoseEstimate | NotLocated  #: pose of the robot
+    expected: Expected  #: the landmarks that were searched
+    matched: Int64Array  #: (K,) int64: indices of those that were found
+    pixels: FloatArray  #: (K, 2) float64: their ideal pixels
+    inliers: npt.NDArray[np.bool_]  #: (K,) bool: whether each agrees with the pose
+    #: seconds for ``features``, ``select``, ``match``, ``fit`` and, if it was needed, ``relocate``
     timings_s: dict[str, float]
 
 
 class LandmarkPoseEstimator:
-    """Locates a robot's camera on a landmark map; one object a camera and thread.
+    """Locates a robot's camera on a landmark map; one object for each camera and thread.
 
     Parameters
     ----------
     camera : PinholeCamera
         As mounted on the robot; its tilt must be known. With offset and pan 0 the pose is the camera's own.
     selection : Selection
-        Which landmarks are looked for, and at most how many.
+        Which landmarks are searched, and their greatest number.
     limit_s : float, optional
-        Look for no more landmarks than can be matched in this time; features are extracted besides.
+        Time for selection, matching and fit, without extraction of features; it limits the number of landmarks.
     matching : {"loop", "product"}
-        Landmark by landmark, or all by one matrix product; both find the same.
+        Match landmark by landmark, or all by one matrix product; the results are the same.
     extractor : Extractor, optional
-        What finds the features; what the map was made with. SIFT unless given.
+        Finds the features; must be the one with which the map was made. SIFT by default.
     regions : bool
         With a prior, find SIFT features only in tiles around the most informative landmarks, a sixth of the frame.
-        The prior must then be good to some 10 pixels; where it was not, the whole frame is looked at.
+        The prior must then be right to about 10 pixels. If no pose is found, the whole frame is searched.
     """
 
     def __init__(
@@ -127,10 +128,10 @@ class LandmarkPoseEstimator:
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
         prior : PoseEstimate or Pose2, optional
-            About where it is: landmarks are looked for within 40 pixels (of 320) of where this puts them. Without it,
-            or where nothing is found there, the whole map is searched.
+            Approximate pose: landmarks are searched within 40 pixels (of a picture 320 wide) of their prediction by it.
+            Without it, or if that gives no pose, the whole map is searched.
         rng : numpy.random.Generator, optional
-            For the selection "random".
+            Generator for the selection "random".
 
         Raises
         ------
@@ -142,7 +143,7 @@ class LandmarkPoseEstimator:
     def look(
         self, frame: UInt8Array, prior: PoseEstimate | Pose2 | None = None, *, rng: np.random.Generator | None = None
     ) -> LandmarkMatch:
-        """Locate the robot as `locate` does; return the landmarks found, too."""
+        """Locate the robot as `locate` does, and also return the landmarks found."""
         started = time.perf_counter()
         in_regions_s = 0.0
         near = pose_of(prior)
@@ -163,13 +164,13 @@ class LandmarkPoseEstimator:
         return result
 
     def prepare(self) -> None:
-        """Build the index of the whole map's descriptors now, not at the first frame without a prior."""
+        """Build the index of the whole map's descriptors now instead of at the first frame without a prior."""
         self._relocator.prepare()
 
     def look_at(
         self, features: Features, prior: PoseEstimate | Pose2 | None = None, *, rng: np.random.Generator | None = None
     ) -> LandmarkMatch:
-        """Locate the robot by features that are known already."""
+        """Locate the robot by features that were already extracted."""
         result, near = None, pose_of(prior)
         if near is not None:
             result = self._near(features, near.array, rng)
@@ -187,7 +188,7 @@ class LandmarkPoseEstimator:
         return result
 
     def look_near(self, features: Features, prior: Pose2) -> LandmarkMatch:
-        """Locate the robot by features near a prior only: the whole map is not searched where that fails."""
+        """Locate the robot by features near a prior, without a search of the whole map if that fails."""
         return self._near(features, prior.array, None)
 
     def _near(self, features: Features, pose: FloatArray, rng: np.random.Generator | None) -> LandmarkMatch:
@@ -196,7 +197,7 @@ class LandmarkPoseEstimator:
         return self._find(features, pose, expected, time.perf_counter() - started)
 
     def _expect(self, pose: FloatArray, rng: np.random.Generator | None) -> Expected:
-        """Landmarks that the selection takes for this pose."""
+        """Return the landmarks that are selected for a pose (3,)."""
         if self.selection.choice in ("informative", "cells"):
             expected = self._index.expect(self.camera, pose)
         else:
@@ -219,7 +220,7 @@ class LandmarkPoseEstimator:
         started = time.perf_counter()
         matching_s = 0.0
         fit, rows, partners = None, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-        # the first few predict the others, which then need no wide gate
+        # the fit to the first landmarks predicts the others, which then need no wide gate
         for first in (_SCOUTS, len(expected)) if self._in_order(expected) else (len(expected),):
             started_s = time.perf_counter()
             scouts = expected.take(np.arange(first))
@@ -277,7 +278,7 @@ class LandmarkPoseEstimator:
         agree = int(fit.inliers.sum())
         if agree < _MIN_INLIERS or agree < _MIN_INLIER_RATIO * matched:
             return NotLocated(f"only {agree} of {matched} found landmarks agree on a pose")
-        # the found landmarks' own error (larger in poorer light than the map was made in), and the map's drift
+        # residuals are larger in poorer light than that of the map's run; the map's drift is added
         poorer = max(float(fit.squared[fit.inliers].sum()) / max(2 * agree - 3, 1), 1.0)
         covariance = fit.covariance * poorer + self.landmarks.drift(fit.pose)
         std = np.sqrt(np.diag(covariance))

@@ -1,4 +1,4 @@
-"""A picture of a landmark map from above: landmarks with their error ellipses, the run, and where a robot was since."""
+"""Draws a landmark map from above: landmarks with error ellipses, the mapping run, and a second trajectory."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.geometry import Pose2
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 
-# ellipses are drawn this many times as large as one standard deviation, or they would not be seen
+# factor on the ellipses of one standard deviation, so that they are visible
 ENLARGED = 3.0
 _ELLIPSE_POINTS = 24
 _MARGIN_M = 0.5
@@ -24,7 +24,7 @@ def draw_map(landmarks: LandmarkMap, path: str | Path, located: Sequence[Pose2] 
     Parameters
     ----------
     landmarks : LandmarkMap
-        Landmarks often seen are dark.
+        Landmarks with a high detection rate are dark.
     path : str or Path
         Picture to write (.png, .svg, .pdf).
     located : sequence of Pose2
@@ -73,7 +73,7 @@ def draw_map(landmarks: LandmarkMap, path: str | Path, located: Sequence[Pose2] 
 
 
 def ellipses(landmarks: LandmarkMap) -> FloatArray:
-    """Outlines (L, 24, 2) of the landmarks' position errors on the floor plan, metres, enlarged."""
+    """Return outlines (L, 24, 2) of the landmarks' error ellipses on the floor plan, metres, enlarged."""
     values, axes = np.linalg.eigh(landmarks.covariances[:, :2, :2])
     angle = np.linspace(0, 2 * np.pi, _ELLIPSE_POINTS, endpoint=False)
     circle = np.stack([np.cos(angle), np.sin(angle)], axis=-1)

@@ -1,9 +1,9 @@
-"""Projects landmarks into a robot's camera, and fits the robot's state to those that are matched.
+"""Projects landmarks into a robot's camera, and fits the robot's pose to matched ones.
 
 Mahalanobis least squares of Ogawa et al. (2011), eqs. 7 to 11 and 14 to 19, by Gauss-Newton with redescending weights
-in place of the paper's exhaustive search. The paper's state (X, Z, theta) on the floor is a `Pose2` here: its Z (ahead)
-is the robot's x, its X (right) is -y, its Y (down) is -z, and theta grows counter-clockwise. Landmarks are in the field
-frame, metres, z up from the floor.
+instead of the paper's exhaustive search. The paper's state (X, Z, theta) on the floor corresponds to a `Pose2`: its Z
+(ahead) is the robot's x, its X (right) is -y, its Y (down) is -z, and theta increases counter-clockwise. Landmarks are
+in the field frame, metres, z up from the floor.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray
 from robocup_vision.camera.pinhole import PinholeCamera, project_ideal
 
-# 99 % of right matches are within these (the paper's gate of 1 keeps a fifth of them)
+# gates: 99 % of chi-square with 2 and 3 degrees of freedom (the paper's gate of 1 keeps a fifth of the right matches)
 CHI2_2DOF = 9.21
 CHI2_3DOF = 11.34
 # widths of the weights, in standard deviations, from the first iteration to the last
@@ -25,7 +25,7 @@ WEIGHT_WIDTHS = (30.0, 15.0, 8.0, 5.0, 3.5, 3.5, 3.5, 3.5)
 
 
 def world_to_camera(camera: PinholeCamera, theta_rad: FloatArray) -> FloatArray:
-    """Rotations (..., 3, 3) from the field frame into the camera frame at headings (...)."""
+    """Return rotations (..., 3, 3) from the field frame into the camera frame at the robot's headings (...)."""
     theta = np.asarray(theta_rad, dtype=np.float64)
     c, s, zero, one = np.cos(theta), np.sin(theta), np.zeros_like(theta), np.ones_like(theta)
     turn = np.stack([np.stack([c, s, zero], -1), np.stack([-s, c, zero], -1), np.stack([zero, zero, one], -1)], -2)
@@ -33,7 +33,7 @@ def world_to_camera(camera: PinholeCamera, theta_rad: FloatArray) -> FloatArray:
 
 
 def to_camera(camera: PinholeCamera, pose: FloatArray, points_m: FloatArray) -> FloatArray:
-    """Points (N, 3) of the field frame in the camera frame of a robot at pose (3,)."""
+    """Transform points (N, 3) from the field frame into the camera frame of a robot at a pose (3,)."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     dx, dy = points_m[:, 0] - pose[0], points_m[:, 1] - pose[1]
     robot = np.stack([c * dx + s * dy, c * dy - s * dx, points_m[:, 2]], axis=-1)
@@ -41,7 +41,7 @@ def to_camera(camera: PinholeCamera, pose: FloatArray, points_m: FloatArray) -> 
 
 
 def to_world(camera: PinholeCamera, pose: FloatArray, points_m: FloatArray) -> FloatArray:
-    """Points (N, 3) of the camera frame in the field frame: the inverse of `to_camera`."""
+    """Transform points (N, 3) from the camera frame into the field frame; the inverse of `to_camera`."""
     robot = points_m @ camera.camera_to_robot.T + camera.viewpoint_m
     c, s = math.cos(pose[2]), math.sin(pose[2])
     x, y = robot[:, 0], robot[:, 1]
@@ -65,10 +65,10 @@ def point_by_pose(camera: PinholeCamera, pose: FloatArray, points_m: FloatArray)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseFit:
-    """A fitted state."""
+    """A fitted pose."""
 
     pose: FloatArray  #: (3,) float64: x, y, theta of the robot in the field frame
-    covariance: FloatArray  #: (3, 3) float64: (J^T W J)^-1 over the inliers: the paper's eq. 12 is not one.
+    covariance: FloatArray  #: (3, 3) float64: (J^T W J)^-1 over the inliers (the paper's eq. 12 is no covariance)
     inliers: npt.NDArray[np.bool_]  #: (N,) bool: matches within the 99 % bound
     squared: FloatArray  #: (N,) float64: squared Mahalanobis distances
 
@@ -81,10 +81,13 @@ def fit_stereo(
     points_m: FloatArray,
     point_cov: FloatArray,
 ) -> PoseFit:
-    """Fit the state to landmarks (N, 3) of the map seen as points (N, 3) of the camera frame. Eqs. 7 to 11."""
+    """Fit the pose to landmarks (N, 3) of the map matched with points (N, 3) of the camera frame (eqs. 7 to 11).
+
+    `landmark_cov` and `point_cov` are their covariances (N, 3, 3) in the field frame and in the camera frame.
+    """
 
     def linearise(pose: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Squared distances (N,), residuals (N, 3), derivatives by the pose (N, 3, 3), weights (N, 3, 3)."""
+        """Return squared distances (N,), residuals (N, 3), derivatives by the pose and weights (N, 3, 3)."""
         turn = world_to_camera(camera, pose[2])
         residual = points_m - to_camera(camera, pose, landmarks_m)
         weight = np.linalg.inv(turn @ landmark_cov @ turn.T + point_cov).astype(np.float64)

@@ -1,4 +1,4 @@
-"""Locates a camera without a prior: its features against the whole map's, and a perspective solver."""
+"""Locates a camera without a prior: matches its features with the whole map, and solves the perspective problem."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from robocup_vision.landmarks.features import MAX_DISTANCE, Features
 from robocup_vision.landmarks.landmark_map import LandmarkMap
 
 _KD_TREES = 1  # cv2.FlannBasedMatcher's name for randomised k-d trees
-_MAX_FEATURES = 400  # features of a frame that are looked up, those of the highest contrast
-_NEIGHBOURS = 4  # nearest views of a feature: the first one of another landmark is compared with
-_MAX_RATIO = 0.8  # of the distances to the nearest and to the nearest other landmark (Lowe's ratio test)
-# features that must match, and agree on one place: fewer agree by chance
+_MAX_FEATURES = 400  # greatest number of a frame's features that are matched, those of the highest contrast
+_NEIGHBOURS = 4  # number of nearest views of a feature, among which a rival of another landmark is searched
+_MAX_RATIO = 0.8  # greatest ratio of the distances to the nearest and the nearest other landmark (Lowe's ratio test)
+# least number of matching features, and of those that agree on one place; fewer may agree by chance
 _MIN_AGREE = 8
-_REPROJECTION_PX = 3.0  # distance of an inlier, pixels of an image 320 wide
-# the solver may place the camera in the air: a robot's is at its height and upright
+_REPROJECTION_PX = 3.0  # greatest residual of an inlier, pixels of an image 320 wide
+# bounds of the solved camera's height error, and of the robot's lean, which the solver does not know to be upright
 _MAX_HEIGHT_ERROR_M = 0.3
 _MAX_LEAN_RAD = math.radians(12.0)
 
@@ -32,9 +32,9 @@ class Relocator:
     Parameters
     ----------
     landmarks : LandmarkMap
-        The map; it is indexed when first needed.
+        The map; its index is built when first needed.
     camera : PinholeCamera
-        Of known tilt.
+        Must have a known tilt.
     """
 
     def __init__(self, landmarks: LandmarkMap, camera: PinholeCamera) -> None:
@@ -43,18 +43,18 @@ class Relocator:
 
     @cached_property
     def _matcher(self) -> cv2.FlannBasedMatcher:
-        cv2.setRNGSeed(1)  # the trees are random: the same map gives the same ones
+        cv2.setRNGSeed(1)  # the trees are random; a fixed seed makes them reproducible
         matcher = cv2.FlannBasedMatcher({"algorithm": _KD_TREES, "trees": 4}, {"checks": 96})
         matcher.add([np.ascontiguousarray(self._landmarks.view_unit)])
         matcher.train()
         return matcher
 
     def prepare(self) -> None:
-        """Build the descriptors' index now, not at the first frame that needs it."""
+        """Build the index of descriptors now instead of at the first frame that needs it."""
         _ = self._matcher
 
     def relocate(self, features: Features) -> FloatArray | NotLocated:
-        """Return the robot's pose (3,), the start of a fit, or the reason why there is none."""
+        """Return the robot's approximate pose (3,), as start of a fit, or the reason why there is none."""
         strongest = np.argsort(-features.contrast, kind="stable")[:_MAX_FEATURES]
         rows, landmarks = self._matches(features.take(strongest))
         if len(rows) < _MIN_AGREE:
@@ -80,7 +80,7 @@ class Relocator:
         return self._on_floor(np.asarray(turn, dtype=np.float64), np.asarray(shift, dtype=np.float64))
 
     def _matches(self, features: Features) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], ...]:
-        """Features and landmarks that pass the ratio test: against the nearest other landmark, not another view."""
+        """Return indices of features and landmarks that pass the ratio test against the nearest other landmark."""
         rows, landmarks = [], []
         found = self._matcher.knnMatch(np.ascontiguousarray(features.descriptors), k=_NEIGHBOURS)
         for row, neighbours in enumerate(found):
@@ -94,7 +94,7 @@ class Relocator:
         return np.array(rows, dtype=np.int64), np.array(landmarks, dtype=np.int64)
 
     def _on_floor(self, turn: FloatArray, shift: FloatArray) -> FloatArray | NotLocated:
-        """Robot's pose of the solver's camera, whose axes are right, down, ahead."""
+        """Return the robot's pose (3,) for the solver's camera, whose axes are right, down, ahead."""
         camera = self._camera
         rotation = cv2.Rodrigues(turn)[0]
         eye = (-rotation.T @ shift).ravel()

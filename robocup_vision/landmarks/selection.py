@@ -1,6 +1,6 @@
 """Selects landmarks to search for: one of each cell of the view frustum, then the most informative ones.
 
-Ogawa et al. (2011), section 3.2, with the success rate smoothed; the greedy choice by information is ours.
+Ogawa et al. (2011), section 3.2, with a smoothed success rate. The greedy choice by information is an addition.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ CHOICES: tuple[Choice, ...] = ("informative", "cells", "frequency", "response", 
 class Selection:
     """How landmarks are chosen."""
 
-    #: "informative": one of each cell, of these greedily those that add most to the pose's information, up to
-    #: `at_most`. "cells": one of each cell, as the paper. "frequency", "response", "random": the `at_most` of the
-    #: highest success rate, of the highest contrast, or any, without cells. "all": everything expected.
+    #: "informative": one of each cell, and of these greedily those that add most to the pose's information, up to
+    #: `at_most`. "cells": one of each cell, as in the paper. "frequency", "response", "random": the `at_most` with the
+    #: highest success rate, with the highest contrast, or random ones, without cells. "all": all expected ones.
     choice: Choice = "informative"
-    at_most: int = 60  #: how many landmarks, but for "cells" and "all"
+    at_most: int = 60  #: greatest number of landmarks, except for "cells" and "all"
     #: size of a cell along u, v and depth, as fractions of the landmarks' spread (eq. 23).
     alpha: float = 0.2
     beta: float = 0.2
     gamma: float = 0.5
-    by_contrast: bool = True  #: of equally successful landmarks of a cell take that of the highest contrast
+    by_contrast: bool = True  #: whether contrast decides between landmarks of a cell with equal success rates
 
     def __post_init__(self) -> None:
         if self.choice not in CHOICES:
@@ -62,16 +62,18 @@ def select(
     Parameters
     ----------
     landmarks, expected, camera, pose
-        The map, and what a robot at this pose (3,) expects to see of it.
+        The map, and the landmarks expected at a robot's pose (3,).
     prior_cov : (3, 3) float64
-        How well the pose is known.
+        Covariance of the pose.
+    at_most : int, optional
+        Greatest number of landmarks; by default that of `how`.
     rng : numpy.random.Generator, optional
-        For "random".
+        Generator for the selection "random".
 
     Returns
     -------
     (K,) int64
-        Int64Array into `expected`; of "informative", the most informative first.
+        Indices into `expected`; for "informative" the most informative first.
     """
     count = how.at_most if at_most is None else at_most
     everything = np.arange(len(expected))
@@ -100,7 +102,7 @@ def select(
 
 
 def delegates(expected: Expected, success: FloatArray, contrast: FloatArray, how: Selection) -> Int64Array:
-    """Of each cell of the view frustum (eq. 23) the landmark of the highest success rate, then contrast."""
+    """Return the landmark of the highest success rate, then contrast, in each cell of the view frustum (eq. 23)."""
     spread = np.array([*expected.pixels.std(axis=0), expected.depth_m.std()])
     width = np.maximum(spread * (how.alpha, how.beta, how.gamma), (1.0, 1.0, 0.01))
     u, v, z = np.floor(np.column_stack([expected.pixels, expected.depth_m]) / width).astype(np.int64).T
@@ -112,12 +114,12 @@ def delegates(expected: Expected, success: FloatArray, contrast: FloatArray, how
 
 
 class TimeBudget:
-    """How many landmarks can be matched within a time, learnt from what earlier frames took.
+    """Number of landmarks that can be matched within a time, learnt from the times of earlier frames.
 
     Parameters
     ----------
     limit_s : float
-        For selecting, matching and fitting, without feature extraction.
+        Time for selection, matching and fit, without feature extraction.
     """
 
     def __init__(self, limit_s: float) -> None:
@@ -129,11 +131,11 @@ class TimeBudget:
 
     @property
     def landmarks(self) -> int:
-        """How many fit; never fewer than 16: not all are found, and a pose needs 6."""
+        """Number of landmarks, at least 16, because a pose needs 6 and not all are found."""
         return max(math.floor((self._limit_s - self._fixed_s) / self._each_s), 16)
 
     def learn(self, fixed_s: float, matching_s: float, landmarks: int) -> None:
-        """Take account of a frame: the time apart from matching, that of matching, and how many were matched."""
+        """Update with a frame's other time, its time of matching, and the number of landmarks to match."""
         if landmarks:
             self._each_s = 0.8 * self._each_s + 0.2 * max(matching_s / landmarks, 1e-7)
             self._fixed_s = 0.8 * self._fixed_s + 0.2 * min(fixed_s, self._limit_s)

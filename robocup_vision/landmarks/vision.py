@@ -28,20 +28,20 @@ _GOOD, _BAD, _UNSEEN = (80, 220, 80), (60, 60, 255), (200, 160, 60)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LandmarkView:
-    """What one frame shows of a landmark map.
+    """The pose by one frame and a landmark map.
 
     Parameters
     ----------
     pose : PoseEstimate or NotLocated
-        The robot on the field.
+        Pose of the robot on the field.
     match : LandmarkMatch
-        The landmarks that it rests on.
+        The landmarks by which it was estimated.
     timings_s : mapping of str to float
-        Seconds each stage took, and ``total``.
+        Seconds of each stage, and ``total``.
     camera : PinholeCamera
-        As mounted on the robot.
+        The camera on the robot.
     t_s : float or None
-        When the frame was taken, as given to `look`.
+        Time of the frame, as given to `look`.
     """
 
     pose: PoseEstimate | NotLocated
@@ -52,14 +52,14 @@ class LandmarkView:
 
     @property
     def camera_pose(self) -> PoseEstimate | NotLocated:
-        """The camera on the field: its foot on the floor, and the heading of its optical axis."""
+        """Pose of the camera on the field: its foot on the floor, and the heading of its optical axis."""
         if isinstance(self.pose, NotLocated):
             return self.pose
         return self.pose.seen_from(self.camera.camera_in_robot)
 
 
 class LandmarkVision:
-    """Turns camera frames into views by a landmark map; one object a camera and thread.
+    """Turns camera frames into views by a landmark map; one object for each camera and thread.
 
     Parameters
     ----------
@@ -67,14 +67,10 @@ class LandmarkVision:
         From `load_map`, or made by a `StereoMapper`.
     camera : PinholeCamera
         As mounted on the robot; its tilt must be known. With offset and pan 0 the pose is the camera's own.
-    selection : Selection, optional
-        How many landmarks are looked for, and which.
-    limit_s : float, optional
-        Look for no more than can be matched in this time.
-    regions : bool
-        After the first frame look for features only around the landmarks expected: a fraction of the time.
+    selection, limit_s, regions
+        See `LandmarkPoseEstimator`.
     mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at.
+        Non-zero pixels are never used.
     """
 
     def __init__(
@@ -96,7 +92,7 @@ class LandmarkVision:
             limit_s=limit_s,
             regions=regions,
         )
-        # the first frame is without a prior: what it needs is made ready here
+        # the first frame has no prior; its tables are built here
         prepare("landmarks")
         self.estimator.prepare()
         self.camera = camera
@@ -117,11 +113,11 @@ class LandmarkVision:
         frame : (H, W, 3) uint8
             BGR, of the camera's size.
         t_s : float, optional
-            When it was taken; stands in the view.
+            Time of the frame, for the view.
         odometry : Pose2, optional
             The robot's motion since the frame before, in its frame then.
         prior : PoseEstimate or Pose2, optional
-            Where the robot probably is. Without it the last pose, moved by the odometry, serves; without that the
+            Probable pose of the robot. By default it is the last pose, moved by the odometry; if there is none, the
             whole map is searched.
 
         Raises
@@ -140,18 +136,18 @@ class LandmarkVision:
         if match.pose:
             self._last = match.pose.pose
         elif self._last is not None:
-            # lost for a frame or two: odometry carries on, and the whole map is searched anyway
+            # the next prior is dead reckoning; the whole map is searched if that fails
             self._last = None if odometry is None else self._last.compose(odometry)
         timings_s = {**match.timings_s, "total": time.perf_counter() - started}
         return LandmarkView(match.pose, match, timings_s, self.camera, t_s)
 
     def forget(self) -> None:
-        """Forget the last pose: the next frame stands alone."""
+        """Forget the last pose, so that the next frame has no prior."""
         self._last = None
 
 
 def draw_landmarks(view: LandmarkView, frame: UInt8Array) -> UInt8Array:
-    """Draw a view over its frame: found landmarks green, those that disagree red, those not found blue circles.
+    """Draw a view over its frame: inliers as green circles, outliers as red ones, landmarks not found as blue ones.
 
     Returns
     -------

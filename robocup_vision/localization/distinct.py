@@ -37,8 +37,8 @@ def may_be_one(pose: Pose2, other: Pose2, covariance: FloatArray) -> bool:
 class Apart:
     """Least distance of two poses that count as different."""
 
-    m: float  #: poses of one place are closer than this
-    rad: float = math.inf  #: and differ in heading by less than this
+    m: float  #: equal poses are closer than this, metres
+    rad: float = math.inf  #: headings of equal poses differ by less than this, radians
     twins: bool = False  #: whether a pose and its half turn about the field's centre count as one
 
     def first(self, poses: FloatArray, most: int) -> list[int]:

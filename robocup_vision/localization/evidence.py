@@ -73,7 +73,7 @@ class Likelihoods:
     #: (2 CONDITIONS, S) float64: logarithms, for the conditions of a right pose, then of a wrong one, divided by the
     #: number of samples with correlated errors
     log_p: FloatArray
-    correlation: float = 1.0  #: that number
+    correlation: float = 1.0  #: number of samples with correlated errors
 
     @classmethod
     def of(cls, right: FloatArray, wrong: FloatArray, correlation: float) -> Likelihoods:
@@ -137,7 +137,7 @@ def _likelihoods(path: str | Path, name: str, cue: _Cue, states: tuple[str, ...]
 class OutlineTally(NamedTuple):
     """Evidence for a pose by an outline."""
 
-    log_odds: float  #: by the outline alone
+    log_odds: float  #: log odds by the outline alone
     counts: Int64Array  #: (6,) int64: bearings in each state
 
     def reason(self, log_odds: float) -> str:

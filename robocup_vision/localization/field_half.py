@@ -110,8 +110,8 @@ class GoalSide:
         Returns
         -------
         PoseEstimate or SwappedChannels
-            With one candidate if the goals decide, else with both; no pose if swapped channels fit the goals
-            better.
+            The estimate has one candidate if the goals decide, else both; there is none if swapped channels fit the
+            goals better.
         """
         right, wrong, own, swapped = self._vote(frame, estimate.pose, colors) if self.is_able else _NO_VOTES
         decides = max(right, wrong, swapped) >= _MIN_VOTES

@@ -55,12 +55,12 @@ class MirrorLocalizer:
         if self._outline is not None and lines is not None:
             self._line_evidence = LineEvidence(lines.line_map, view, self._outline.evidence.lines)
         self._half = GoalSide(field, camera, mask)
-        self._points: LinePoints | None = None  # of the current frame
+        self._points: LinePoints | None = None  # line points of the current frame
         self.forget()
 
     def forget(self) -> None:
         """See `Localizer.forget`."""
-        self._searched_s: float | None = None  # when the whole field was last searched by lines
+        self._searched_s: float | None = None  # time of the last search of the whole field by lines
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """See `Localizer.locate`.

@@ -66,13 +66,13 @@ class OutlineFit(NamedTuple):
     """A pose fitted to an outline; a tuple, because one is made in each frame."""
 
     pose: Vector  #: x, y, theta
-    covariance: FloatArray  #: (3, 3) float64: of the pose
+    covariance: FloatArray  #: (3, 3) float64: covariance of the pose
     cost: float  #: truncated mean cost, 0 (perfect) to 1
     #: ratio of inliers among the bearings with an edge and a wall, and their root mean square residual
     inlier_ratio: float
     rms_px: float
     along_m: float  #: greatest standard deviation of the position
-    sliding_m: float  #: the same without errors of the camera file; large if the pose can slide along walls
+    sliding_m: float  #: `along_m` without errors of the camera file; large if the pose can slide along walls
     #: (K,) float64: see `compare_outline`
     residual_px: FloatArray
     predicted_px: FloatArray

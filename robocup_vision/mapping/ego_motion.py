@@ -1,8 +1,8 @@
 """Estimates the robot's motion from the range profiles of several frames (Miura 2004, section 2.3).
 
-A range profile is the inverse range of the nearest thing in every direction. The earlier profiles are predicted from
-candidate poses around the odometry. The pose at which they agree best with the present profile is the estimate. It uses
-no features. Bearings of moving robots agree with no profile and are skipped.
+A range profile is the inverse range of the nearest object at every bearing. The earlier profiles are predicted from
+candidate poses near the odometry. The pose at which they agree best with the present profile is the estimate. No
+features are used. Bearings of moving robots agree with no profile and are outliers.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2, compose_covariance
 from robocup_vision.kernels.mapping import ego_motion as kernels
 
-# differences beyond this many standard deviations belong to something that moved, or came into view
+# gate in standard deviations: larger differences belong to something that moved, or came into view
 _GATE_SIGMAS = 4.0
-# the same of the first Gauss-Newton step: it narrows while the pose converges
+# gate of the first Gauss-Newton step, wider because the pose has not converged
 _FIRST_GATE_SIGMAS = 2.0 * _GATE_SIGMAS
-# of each Gauss-Newton step
+# gates of all Gauss-Newton steps
 _GATES = np.array([_FIRST_GATE_SIGMAS] + 4 * [_GATE_SIGMAS])
-# an earlier profile counts if at least this ratio of the directions that can be compared agrees: one that is hidden, or
-# without a range, cannot be compared
+# least inlier ratio of an earlier profile among the bearings that can be compared: those not hidden and with a range
 _MIN_INLIER_RATIO = 0.3
-# where less than this ratio agrees around what odometry reports, the pose is searched for on a grid
+# inlier ratio near the odometry below which the pose is searched on a grid
 _SEARCH_BELOW_RATIO = 0.5
-# nothing wider than this moves by itself, and what does, at about this speed along each axis
+# greatest width of a moving object, and the standard deviation of its speed along each axis
 _MOVER_M, _MOVER_MPS = 0.6, 0.3
-# a direction is smoothed over this many neighbours on either side, as long as they lie on the same thing
+# number of neighbours of the same object on either side over which a bearing is smoothed
 _REACH = 2
-# candidates a dimension of the grid, over this many standard deviations of odometry, on so many earlier points
+# grid: number of candidates in each dimension, half its extent in standard deviations of odometry, and greatest number
+# of earlier points
 _CANDIDATES, _SEARCH_SIGMAS, _SEARCH_POINTS = 7, 3.0, 64
 
 
@@ -48,9 +48,9 @@ class EgoMotionSettings:
         A value is out of its range.
     """
 
-    profiles: int = 5  #: number k of earlier profiles that the present one is compared with
-    #: the first of them is the last frame's, and the others are at least so far apart: what moves shows against frames
-    #: farther back, and errors add up less often
+    profiles: int = 5  #: number k of earlier profiles with which the present one is compared
+    #: least time between these profiles, of which the first is the last frame's: moving objects differ more from older
+    #: frames, and fewer steps accumulate fewer errors
     spacing_s: float = 0.4
 
     def __post_init__(self) -> None:
@@ -65,15 +65,14 @@ class EgoMotionSettings:
 class Motion:
     """The robot's motion since the frame before."""
 
-    #: the robot now, in its frame at the frame before; of the first frame, odometry. After frames that rested on
-    #: odometry alone it takes back their drift as well.
+    #: pose of the robot now in its frame at the frame before; for the first frame, odometry. After frames with odometry
+    #: alone it also corrects their drift.
     motion: Pose2
-    #: (3, 3) float64: of the present pose given the earlier ones, (x_m, y_m, theta_rad) in the robot frame before; m,
-    #: m, rad
+    #: (3, 3) float64: covariance of x, y, theta of the present pose given the earlier ones, robot frame before; m, rad
     covariance: FloatArray
-    profiles: int  #: number of earlier profiles that it rests on; 0: odometry alone
+    profiles: int  #: number of earlier profiles in use; 0 for odometry alone
     agreement: float  #: ratio of the bearings that agree with the earlier profiles; 0 without profiles
-    pose: Pose2  #: the robot now, in its frame at the first frame
+    pose: Pose2  #: pose of the robot now in its frame at the first frame
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", read_only(self.covariance))
@@ -81,9 +80,10 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Profile:
-    """What a frame shows, smoothed along things: the kernels' (3, J), which thing each direction is of, and its weight.
+    """A smoothed range profile.
 
-    `weight`: independent measurements a direction, since those of neighbours are the same in part.
+    `present` (3, J) is in the kernels' format, `thing` (J,) is each bearing's object, -1 for none, and `things` their
+    number. `weight` is the number of independent measurements per bearing: smoothing correlates neighbours.
     """
 
     present: FloatArray
@@ -105,7 +105,7 @@ class _Profile:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Past:
-    """An earlier profile: the kernels' points (J, 4) in the frame of the first, whether they may move, their things."""
+    """An earlier profile: points (J, 4) in the kernels' format and the first frame, whether they may move, objects."""
 
     t_s: float
     points: FloatArray
@@ -113,19 +113,19 @@ class _Past:
     thing: npt.NDArray[np.int64]
 
     def at(self, t_s: float) -> FloatArray:
-        """(J, 4) with how far each point may have moved by then."""
+        """Return the points (J, 4) with the variance of their displacement up to a time."""
         points = self.points.copy()
         points[:, kernels.MOVED_VARIANCE] = self.may_move * (_MOVER_MPS * (t_s - self.t_s)) ** 2
         return points
 
 
 class EgoMotion:
-    """Follows the robot's motion frame by frame; one object a robot.
+    """Estimates the robot's motion frame by frame; one object for each robot.
 
     Parameters
     ----------
     bearings : int
-        Number J of directions of a profile; direction j is at 2 pi j / J in the robot frame.
+        Number J of bearings of a profile; bearing j is 2 pi j / J in the robot frame.
     settings : EgoMotionSettings, optional
         How profiles are compared.
 
@@ -137,17 +137,15 @@ class EgoMotion:
     Notes
     -----
     The cost is Miura's (eqs. 1, 2): over the earlier profiles, the sum of the mean of (D_t - D_{t-i})^2 / (sigma_i^2 +
-    sigma_0^2), in inverse range, with directions skipped that show nothing or differ by more than 4 sigma. Here
+    sigma_0^2), in inverse range, without bearings that have no range or differ by more than 4 sigma. Differences are:
 
-    - odometry is not only where the search begins, but a measurement like the others;
-    - the pose is found by Gauss-Newton, and on a grid of candidates, as in the paper, only where less than half of the
-      directions agree around the odometry: faster, and not limited to a grid's step;
-    - a profile counts if 30 % of the directions that can be compared agree: one that is hidden, or without a range,
-      cannot be compared;
-    - a thing less than 0.6 m wide may itself have moved, at some 0.3 m/s: slow movers pass the gate, and would take
-      the pose with them;
-    - the covariance is the inverse of the cost's curvature, but errors of directions side by side are not independent:
-      the curvature is divided by how much more the pulls of blocks of them scatter than they claim.
+    - odometry is not only the start of the search, but also a measurement;
+    - the pose is found by Gauss-Newton, which is faster and not limited to a grid's step; the paper's grid of
+      candidates is used only if less than half of the bearings agree near the odometry;
+    - a profile is used if 30 % of the bearings that can be compared agree (not hidden, and with a range);
+    - an object less than 0.6 m wide may have moved at about 0.3 m/s: slow movers pass the gate and would bias the pose;
+    - the covariance is the inverse of the cost's curvature, which is first divided by the factor by which gradients of
+      blocks of neighbouring bearings scatter more than their variances state, because errors are correlated.
     """
 
     def __init__(self, bearings: int, settings: EgoMotionSettings = EgoMotionSettings()) -> None:
@@ -161,7 +159,7 @@ class EgoMotion:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew: the next profile is the first."""
+        """Forget all profiles: the next one is the first."""
         self._past.clear()
         self._t_s: float | None = None
         self._pose = Pose2(0.0, 0.0, 0.0)
@@ -181,21 +179,21 @@ class EgoMotion:
         Parameters
         ----------
         inverse_range_per_m : (J,) float
-            Inverse range of the nearest thing in each direction, 1/m; NaN or 0 where there is none.
+            Inverse range of the nearest object at each bearing, 1/m; NaN or 0 if there is none.
         std_per_m : float or (J,) float
             Its standard deviation, 1/m.
         odometry : Pose2
             The motion since the frame before as the wheels measure it, in the robot frame then.
         odometry_covariance : (3, 3) float
-            Of that, m, m, rad.
+            Covariance of the odometry, of x, y, theta; m, rad.
         t_s : float
-            When the frame was taken; later than the one before.
+            Time of the frame; later than that of the frame before.
 
         Raises
         ------
         ArgumentError
-            If a size is wrong, a standard deviation is not positive, the odometry is not finite, its covariance not
-            positive definite, or time does not go on.
+            If a size is wrong, a standard deviation is not positive, the odometry is not finite, its covariance is not
+            positive definite, or the time does not increase.
         """
         inverse = np.array(inverse_range_per_m, dtype=np.float64)
         std = np.asarray(std_per_m, dtype=np.float64)
@@ -237,12 +235,12 @@ class EgoMotion:
         return _Past(t_s, points, np.append(width < _MOVER_M, False)[profile.thing], profile.thing)
 
     def _chosen(self) -> list[_Past]:
-        """Choose the last profile and others behind it as far apart as asked; drop those too old for that."""
+        """Return the last profile and earlier ones at least `spacing_s` apart; drop those that are too old."""
         chosen: list[_Past] = []
         for past in reversed(self._past):
             if len(chosen) == self.settings.profiles:
                 break
-            # half a millisecond: frames that come as often as asked may come a rounding error too early
+            # tolerance of half a millisecond: periodic frames may be early by a rounding error
             if not chosen or chosen[-1].t_s - past.t_s >= self.settings.spacing_s - 5e-4:
                 chosen.append(past)
         while len(chosen) == self.settings.profiles and self._past[0] is not chosen[-1]:
@@ -281,11 +279,11 @@ class EgoMotion:
         return Motion(before.inverse().compose(now), turn.T @ np.linalg.inv(normal) @ turn, used, ratio, now)
 
     def _search(self, present: FloatArray, past: FloatArray, predicted: Pose2, covariance: FloatArray) -> FloatArray:
-        """Return (3,) float64: the best of a grid of candidates about the odometry."""
+        """Return the best (3,) of a grid of candidate poses around the odometry."""
         axis = np.linspace(-_SEARCH_SIGMAS, _SEARCH_SIGMAS, _CANDIDATES)
         grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
         poses = predicted.array + grid @ np.linalg.cholesky(covariance).T
-        # odometry first: of equals, it stays
+        # nearest to the odometry first, which decides between equal scores
         poses = poses[np.argsort(np.sum(grid**2, axis=1), kind="stable")]
         points = past.reshape(-1, 4)
         points = points[np.isfinite(points[:, 0])]

@@ -1,7 +1,7 @@
-"""Maps the free floor around the robot from two sensors that measure different parts of things (Miura 2004, 2.2).
+"""Maps the free floor around the robot from two sensors that measure different parts of objects (Miura 2004, 2.2).
 
-Glare looks like floor of another colour to a camera. A range sensor measures above a ball or a fallen robot. Both may
-measure different parts of one thing, so their evidence must not be added. Each sensor has its own grid, and the states
+Glare looks to a camera like floor of another colour. A range sensor measures above a ball or a fallen robot. Both may
+measure different parts of one object, so their evidence must not be added. Each sensor has its own grid, and the states
 of the grids are combined.
 """
 
@@ -38,15 +38,14 @@ class FreeSpaceMapSettings:
         A size or probability is out of its range.
     """
 
-    #: cells N along each side of the window: it reaches as far as a mirror camera measures the floor
+    #: number N of cells along each side of the window, which covers the range of a mirror camera
     cells: int = 80
-    #: side of a cell, metres: under half a robot's radius, so that a gap for a robot has free cells
+    #: side of a cell, metres: less than half a robot's radius, so that a gap for a robot has free cells
     cell_m: float = 0.04
-    #: a cell with a smaller probability of being occupied than the first is free, one with a larger than the second is
-    #: blocked (Miura's values)
+    #: a cell with a smaller probability of being occupied is free
     free_below: float = 0.1
-    no_go_above: float = 0.9
-    #: probabilities stay between this and 1 - clip, so that a few later measurements can change the state
+    no_go_above: float = 0.9  #: a cell with a larger one is blocked (both are Miura's values)
+    #: probabilities are clipped to between this and 1 - clip, so that a few later measurements can change the state
     clip: float = 0.02
 
     def __post_init__(self) -> None:
@@ -68,7 +67,7 @@ class FreeSpaceMap:
     Parameters
     ----------
     sensors : mapping of str to SensorModel, optional
-        By name; the project's own ``floor`` and ``range`` unless given.
+        Sensors by name; ``floor`` and ``range`` of `default_sensors` by default.
     settings : FreeSpaceMapSettings, optional
         Size and thresholds.
 
@@ -79,13 +78,13 @@ class FreeSpaceMap:
 
     Notes
     -----
-    P(E|O) and P(E|not O) by Bayes' rule, P0 = 0.5, as log-odds. The measured cell of a bearing gives the event O,
-    nearer cells the event not O, farther ones none. A bearing is a cone that widens with range: only cells that the
-    cones cross as a whole give not O. A cell is `FREE` if it is free by at least one sensor, and by every other sensor
-    it is free too or, after n_req observations or more, undecided. Other cells must not be entered: `NO_GO` where a
-    sensor has it blocked, `UNDECIDED` where none has; there another look may decide.
+    The probability P(E) that a cell is occupied follows by Bayes' rule from P0 = 0.5, in log-odds. The measured cell of
+    a bearing gives the event O (an object was observed), nearer cells the event not O, farther ones none. A bearing is
+    a cone that widens with range: only cells that cones cross entirely give not O. A cell is `FREE` if it is free by at
+    least one sensor, and by every other sensor either free or undecided after at least n_req observations. Other cells
+    must not be entered: they are `NO_GO` if blocked by a sensor, else `UNDECIDED`.
 
-    The poses should be of one smooth frame. After a jump (a robot carried off, the other half of the field), `forget`.
+    The poses must be continuous. After a jump (a kidnapped robot, the other half of the field) call `forget`.
     """
 
     def __init__(
@@ -110,7 +109,7 @@ class FreeSpaceMap:
 
     @property
     def looks_to_free(self) -> int:
-        """Looks after which an unknown cell is free, if each look finds it free."""
+        """Number of observations after which an unknown cell is free, if each finds it free."""
         return max(self._needed.values())
 
     def forget(self) -> None:
@@ -142,9 +141,9 @@ class FreeSpaceMap:
         Parameters
         ----------
         robot : Pose2, optional
-            Its pose in the map's frame: the field's, or that of odometry.
+            Its pose in the map's frame, which is the field frame or that of odometry.
         odometry : Pose2, optional
-            Or its motion since the last call, in its frame then.
+            Alternatively its motion since the last call, in its frame then.
 
         Raises
         ------
@@ -174,11 +173,11 @@ class FreeSpaceMap:
         Returns
         -------
         (N, N) int8
-            `HIT` (the paper's O), `CROSSED` (not O) or `SILENT` of the kernel.
+            `HIT` (the paper's O), `CROSSED` (not O) or `SILENT` (none) of the kernel.
         """
         model = self._model(sensor)
         discs = self._discs(mask)
-        # the profile's own is read only, for which the loop would be compiled once more
+        # a copy, because the loop would be compiled again for a read-only array
         hit, depth_m = profile.hit.copy(), np.asarray(profile.depth_m)
         if len(discs):
             hit = hit & ~self._on_disc(profile, discs)
@@ -206,8 +205,8 @@ class FreeSpaceMap:
         profile : RangeProfile
             Its measurement.
         mask : (D, 3) array_like, optional
-            Discs x, y, radius in the map's frame, metres: tracked robots. Cells that they touch get no evidence, and
-            hits at them are no evidence of fixed obstacles; cells before them still count as free.
+            Discs x, y, radius of tracked robots in the map's frame, metres. Cells that touch them get no evidence, and
+            hits at them are no evidence of fixed obstacles; cells in front of them still count as free.
 
         Raises
         ------
@@ -221,7 +220,7 @@ class FreeSpaceMap:
         self._state = None
 
     def probability(self, sensor: str) -> FloatArray:
-        """Return (N, N) float64: P(E) of each cell by one sensor."""
+        """Return (N, N) float64: the probability that each cell is occupied, by one sensor."""
         self._model(sensor)
         return np.asarray(1 / (1 + np.exp(-self._log_odds[sensor].astype(np.float64))))
 
@@ -254,18 +253,18 @@ class FreeSpaceMap:
         return self._state
 
     def free_space(self, robot: Pose2, bearing_rad: npt.ArrayLike, *, nearest_m: float = 0.0) -> FreeSpace:
-        """Return free ranges around a pose, for steering: in each bearing's cone up to the first cell that is not FREE.
+        """Return free ranges around a pose, for steering: the range of the first cell in each cone that is not FREE.
 
-        Masked robots are in their tracks, not in the map. Steer by the smaller of these ranges and the present frame's.
+        Masked robots are not in the map. Steer by the smaller of these ranges and those of the present frame.
 
         Parameters
         ----------
         robot : Pose2
-            In the map's frame, inside the window.
+            Pose in the map's frame, inside the window.
         bearing_rad : (J,) array_like
-            In the robot frame, ascending within one turn, radians.
+            Bearings in the robot frame, ascending within one turn.
         nearest_m : float
-            Cells that reach nearer than this are ignored: the robot stands there, or its sensors measure nothing.
+            Cells that reach nearer than this are ignored, because the robot stands there or nothing is measured there.
 
         Raises
         ------
@@ -273,7 +272,7 @@ class FreeSpaceMap:
             If the pose lies outside the window, or the bearings do not ascend within one turn.
         """
         bearing = np.array(bearing_rad, dtype=np.float64)
-        # the profile's own checks of bearings
+        # checks the bearings
         bearing = RangeProfile(bearing, np.zeros(bearing.shape), np.zeros(bearing.shape, dtype=np.bool_)).bearing_rad
         x, y = robot.x_m - self.corner_m[0], robot.y_m - self.corner_m[1]
         if not (0 <= x < self.cells * self.cell_m and 0 <= y < self.cells * self.cell_m):
@@ -303,7 +302,7 @@ class FreeSpaceMap:
         return np.ascontiguousarray(discs)
 
     def _on_disc(self, profile: RangeProfile, discs: FloatArray) -> BoolArray:
-        """Return (J,) bool: bearings whose end lies on a disc, to within a cell and the depth."""
+        """Return (J,) bool: bearings whose measured range, up to its depth, lies on a disc or within a cell of it."""
         turn = profile.bearing_rad + self._robot.theta_rad
         c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
         x, y = discs[:, 0] - self._robot.x_m, discs[:, 1] - self._robot.y_m
@@ -318,7 +317,7 @@ def _logit(probability: float) -> float:
 
 
 def _scroll(grid: npt.NDArray[np.float32] | Int32Array, shift: tuple[int, int]) -> None:
-    """Move a grid's content against a shift of its window; new cells are 0."""
+    """Move a grid's content in place when its window moves by a number of cells; new cells are 0."""
     size = len(grid)
     kept = np.zeros_like(grid)
     if abs(shift[0]) < size and abs(shift[1]) < size:

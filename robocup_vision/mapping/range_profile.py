@@ -12,7 +12,7 @@ from robocup_vision.arrays import BoolArray, FloatArray, read_only
 from robocup_vision.kernels.floor import free_floor
 from robocup_vision.view import View
 
-# a gap between bearings of more than this many times their smallest spacing belongs to no cone
+# factor on the smallest spacing of bearings above which a gap between them belongs to no cone
 _GAP = 1.5
 
 
@@ -26,13 +26,13 @@ class RangeProfile:
         If the sizes differ, bearings do not ascend within one turn, or a range or depth is negative.
     """
 
-    #: (J,) float64: directions in the robot frame, ascending within one turn, radians. Each stands for a cone halfway
-    #: to its neighbours; a wide gap between two belongs to neither.
+    #: (J,) float64: bearings in the robot frame, ascending within one turn. Each stands for a cone that extends halfway
+    #: to its neighbours, but not into a wide gap.
     bearing_rad: FloatArray
     #: (J,) float64: free distance from the robot's centre, metres; NaN where the sensor measures nothing
     range_m: FloatArray
-    hit: BoolArray  #: (J,) bool: whether an obstacle ends it; else the floor is free so far, and unknown beyond
-    depth_m: FloatArray | float = 0.0  #: (J,) float64 or float: the obstacle stands between range and range + depth
+    hit: BoolArray  #: (J,) bool: whether an obstacle is at the range; otherwise the floor beyond is unknown
+    depth_m: FloatArray | float = 0.0  #: (J,) float64 or float: the obstacle is between range and range + depth
 
     def __post_init__(self) -> None:
         bearing, range_m = read_only(self.bearing_rad), read_only(self.range_m)
@@ -66,12 +66,13 @@ def cones(bearing_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def floor_profile(view: View) -> RangeProfile:
-    """Return where the floor's colour ends in each direction; a ball ends it, too.
+    """Return the range in each direction at which the floor's colour ends; a ball ends it, too.
 
     Parameters
     ----------
     view : View
-        Of a frame; best of a `Vision` whose directions are no farther apart than a cell at the sensor's reach.
+        View of a frame, preferably by a `Vision` whose directions are no farther apart than a map cell at the greatest
+        range.
 
     Raises
     ------
@@ -80,8 +81,8 @@ def floor_profile(view: View) -> RangeProfile:
 
     Notes
     -----
-    `view.free_space` leaves out the ball, which a robot may drive to; the map does not. The obstacle stands in the
-    first ring that is not free.
+    A ball does not end `view.free_space`, because a robot may drive to it. The obstacle is in the first ring that is
+    not free.
     """
     grid = view.grid
     if grid is None:

@@ -1,4 +1,4 @@
-"""The robot's motion from successive views of a mirror camera: odometry where there is none, and where wheels slip."""
+"""Estimates the robot's motion from successive views of a mirror camera, without odometry or in addition to it."""
 
 from __future__ import annotations
 
@@ -19,17 +19,16 @@ from robocup_vision.view import View
 
 @dataclass(frozen=True, slots=True)
 class ViewMotionSettings:
-    """How `ViewMotion` reads views.
+    """Settings of `ViewMotion`.
 
     Parameters
     ----------
     edge_std_px : float
-        Standard deviation of the floor's edge in the image, pixels: as measured against the truth in rendered images.
+        Standard deviation of the floor's edge in the image, as measured against the truth in rendered images.
     max_range_m : float
-        Farther edges are not used: a pixel there is more than a body's width.
+        Greatest range of an edge; farther away a pixel is wider than a robot.
     velocity_change_mps, turn_change_rps : float
-        Without odometry the robot is expected to move on as it did; standard deviation of how far its velocity and
-        turning rate are then off.
+        Standard deviations of the change of velocity and turn rate from one frame to the next, used without odometry.
 
     Raises
     ------
@@ -47,17 +46,17 @@ class ViewMotionSettings:
 
 
 class ViewMotion:
-    """Turns successive views into motions with covariances; one object a robot.
+    """Turns successive views into motions with covariances; one object for each robot.
 
     Parameters
     ----------
     ego_motion : EgoMotion, optional
         Compares the floor's edge with that of earlier frames. It must have as many bearings as the views' polar samples
-        (`view.polar.bearings`); without it one is made at the first view.
+        (`view.polar.bearings`). By default it is made at the first view.
     odometry : OdometryNoise, optional
-        How the wheels err, where odometry is handed over.
+        Errors of the odometry.
     settings : ViewMotionSettings, optional
-        How views are read.
+        Settings of the views.
     """
 
     def __init__(
@@ -72,33 +71,33 @@ class ViewMotion:
         self.forget()
 
     def forget(self) -> None:
-        """Begin anew: the next view is the first."""
+        """Forget all views: the next one is the first."""
         if self.ego_motion is not None:
             self.ego_motion.forget()
         self._t_s: float | None = None
         self._velocity = np.zeros(3)
 
     def update(self, view: View, odometry: Pose2 | None = None) -> Motion:
-        """Return how the robot moved since the view before.
+        """Return the robot's motion since the view before.
 
         Parameters
         ----------
         view : View
-            Of a mirror camera, with the time it was taken.
+            View of a mirror camera, with the time of its frame.
         odometry : Pose2, optional
-            The motion since the view before as the wheels report it, in the robot frame then: one more measurement.
-            Without it the robot is expected to move on as it did.
+            The motion since the view before as the wheels measure it, in the robot frame then. By default constant
+            velocity is expected.
 
         Returns
         -------
         Motion
-            Of the robot, in its frame at the view before; of the first view, what was expected.
+            Motion in the robot's frame at the view before; for the first view, the expected one.
 
         Raises
         ------
         ArgumentError
-            The camera is no mirror camera, the view has no time or not as many bearings as the views before, or time
-            does not go on.
+            If the camera is no mirror camera, the view has no time, its number of bearings differs from those before,
+            or the time does not increase.
         """
         camera, t_s = view.camera, view.t_s
         if not isinstance(camera, OmniCamera):
@@ -114,7 +113,7 @@ class ViewMotion:
         inverse, std = self._profile(view, camera)
         if self.ego_motion is None:
             self.ego_motion = EgoMotion(len(inverse))
-        # profiles are about the camera's axis
+        # the ranges of profiles are measured from the camera's axis
         camera_in_robot = camera.camera_in_robot
         by_robot = _shift_of_arm(expected, camera_in_robot)
         to_camera = np.linalg.inv(by_robot)
@@ -134,7 +133,7 @@ class ViewMotion:
         return Motion(motion, by_robot @ found.covariance @ by_robot.T, found.profiles, found.agreement, pose)
 
     def _expected(self, odometry: Pose2 | None, seconds: float) -> tuple[Pose2, FloatArray]:
-        """Motion that is expected before the view is compared, and its covariance (3, 3)."""
+        """Return the motion that is expected before the comparison of views, and its covariance (3, 3)."""
         if odometry is not None:
             slip = self.odometry.slip(odometry)
             tiny = 1e-12 * np.eye(3)
@@ -145,7 +144,7 @@ class ViewMotion:
         return Pose2(*moved.tolist()), np.diag(std**2)
 
     def _profile(self, view: View, camera: OmniCamera) -> tuple[FloatArray, FloatArray]:
-        """Inverse range (K,) of the floor's edge from the camera's axis, NaN where none, and its standard deviation."""
+        """Return inverse ranges (K,) of the floor's edge from the camera's axis, NaN for none, and their errors."""
         bearing = view.polar.bearing_rad if view.polar is not None else np.empty(0)
         offset = np.array(camera.offset_m)
 
@@ -162,7 +161,7 @@ class ViewMotion:
 
 
 def _shift_of_arm(motion: Pose2, camera_in_robot: Pose2) -> FloatArray:
-    """(3, 3): how an error of the camera's motion becomes one of the robot's, whose centre is an arm away."""
+    """Return the derivative (3, 3) of the robot's motion by the camera's, for a camera beside the robot's centre."""
     c, s = math.cos(motion.theta_rad), math.sin(motion.theta_rad)
     x, y = camera_in_robot.x_m, camera_in_robot.y_m
     return np.array([[1.0, 0.0, s * x + c * y], [0.0, 1.0, -c * x + s * y], [0.0, 0.0, 1.0]])

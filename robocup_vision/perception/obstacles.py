@@ -41,7 +41,7 @@ class Obstacle:
     x_m: float
     y_m: float
     width_m: float  #: distance between the ends of its near side
-    #: of its middle
+    #: bearing and range of its middle
     bearing_rad: float
     range_m: float
     #: standard deviation of its range, from the samples' spacing there and the camera's errors; NaN if not known

@@ -17,23 +17,23 @@ from robocup_vision.kernels.tracking.branches import MISS
 from robocup_vision.kernels.tracking.choice import choose_together, keep_near
 from robocup_vision.normal import GATE_2D
 
-# time constant with which the velocity of an object without detections decays: it stops or turns sooner or later
+# time constant with which a predicted velocity decays, because objects stop or turn
 _STEADY_S = 1.5
 _LIFETIME_S = 100.0  # mean time for which an object stays on the field
-# fraction of the covariance that a missed detection leaves at least: nine points cannot show less
+# least fraction of the covariance after a missed detection: its nine points cannot resolve less
 _UNKNOWN_RATIO = 0.05
-# frames after which a choice between branches is final, and over which equal branches are one
+# number of frames after which a choice between branches is final; branches with equal detections in them are merged
 _HISTORY_FRAMES = 5
-# a branch that is less likely than its tree's best by more than this log-likelihood ratio is deleted
+# greatest log-likelihood ratio of a tree's best branch to another one that is kept
 _MAX_LOG_RATIO = 7.0
-_MAX_BRANCHES = 12  # branches kept of each object's tree
-# steps of the joint choice of branches, after which the best choice so far is taken: bounds its time
+_MAX_BRANCHES = 12  # greatest number of branches of each object's tree
+# greatest number of steps of the joint choice of branches, which bounds its time
 MAX_STEPS = 1000
 
 
 @dataclass(frozen=True, slots=True)
 class MovingObjectsSettings:
-    """How `MovingObjects` follows what moves.
+    """Settings of `MovingObjects`.
 
     Raises
     ------
@@ -41,20 +41,19 @@ class MovingObjectsSettings:
         If one of them is out of range.
     """
 
-    #: how hard the objects accelerate: standard deviation of the white acceleration that the filters allow
+    #: standard deviation of the objects' acceleration, white noise in the filters
     acceleration_mps2: float = 1.5
-    speed_mps: float = 0.7  #: how fast they may be at first sight: standard deviation
-    detection_probability: float = 0.8  #: fraction of the frames in which an object is detected that nothing hides
-    clutter_per_m2: float = 0.2  #: false detections a frame and square metre
-    #: of the objects: what they hide, and the distance within which several detections belong to one object
+    speed_mps: float = 0.7  #: standard deviation of a new object's velocity along each axis
+    detection_probability: float = 0.8  #: probability that an object which nothing hides is detected in a frame
+    clutter_per_m2: float = 0.2  #: number of false detections per frame and square metre
+    #: width of the objects, by which they hide others; and the distance within which detections belong to one object
     width_m: float = 0.18
-    first_log_odds: float = -3.0  #: log-odds that a detection which no track explains is a new object
-    #: from the first on an object is reported; below the second it is deleted. Two bounds, so that a track does not
-    #: come and go.
+    first_log_odds: float = -3.0  #: log-odds that a detection without a track is a new object
+    #: log-odds from which on an object is reported, and below which it is deleted: hysteresis prevents flicker
     confirmed_log_odds: float = 4.0
     deleted_log_odds: float = -3.0
-    min_frames: int = 3  #: an object is reported after this many detections at the earliest
-    coast_s: float = 3.0  #: an object without a detection for longer than this is deleted
+    min_frames: int = 3  #: least number of detections of a reported object
+    coast_s: float = 3.0  #: longest time without a detection before an object is deleted
 
     def __post_init__(self) -> None:
         require_positive(
@@ -79,14 +78,14 @@ class MovingObjectsSettings:
 class Branches:
     """Branches of track trees."""
 
-    tree: Int64Array  #: (L,) int64: which tree each belongs to
+    tree: Int64Array  #: (L,) int64: number of each branch's tree
     mean: FloatArray  #: (L, 4) float64: x, y, vx, vy in the field frame, m and m/s
-    covariance: FloatArray  #: (L, 4, 4) float64: of these
+    covariance: FloatArray  #: (L, 4, 4) float64: covariance of the mean
     evidence: FloatArray  #: (L,) float64: log-likelihood ratio of all its detections and misses against clutter
-    odds: FloatArray  #: (L,) float64: logarithm of the odds that the object is still there
+    odds: FloatArray  #: (L,) float64: log-odds that the object is still there
     coasted_s: FloatArray  #: (L,) float64: seconds since the last detection
-    missed: Int64Array  #: (L,) int64: frames since then
-    history: Int64Array  #: (L, H) int64: the last detections, newest first, by their running number; -1 where missed
+    missed: Int64Array  #: (L,) int64: frames since the last detection
+    history: Int64Array  #: (L, H) int64: running numbers of the last H frames' detections, newest first; -1 for a miss
 
     def __len__(self) -> int:
         return len(self.tree)
@@ -113,18 +112,18 @@ class Branches:
         return cls(trees, mean, covariance, first, first.copy(), zeros, never, history)
 
     def select(self, chosen: Int64Array) -> Branches:
-        """Those of the given indices, in their order."""
+        """Return the branches with these indices, in this order."""
         arrays: Any = self._arrays()
         return Branches(*(array[chosen] for array in arrays))
 
     def without(self, trees: Set[int]) -> Branches:
-        """Those of all other trees."""
+        """Return the branches of all other trees."""
         return self.select(
             np.array([n for n, tree in enumerate(self.tree.tolist()) if tree not in trees], dtype=np.int64)
         )
 
     def concatenate(self, other: Branches) -> Branches:
-        """Join these and those."""
+        """Return these branches followed by others."""
         pairs: Any = zip(self._arrays(), other._arrays(), strict=True)
         return Branches(*map(np.concatenate, pairs))
 
@@ -142,13 +141,13 @@ class Branches:
         Parameters
         ----------
         seconds : float
-            Since the frame of these.
+            Time since the frame of these branches.
         places_m, spreads : (M, 2) and (M, 2, 2) float64
             Detections in the field frame and their covariances.
         numbers : (M,) int64
-            Their running numbers.
+            Running numbers of the detections.
         eye_m : (2,) float64
-            The robot in the field frame: an object without a detection is rather where detections hide it.
+            Place of the robot in the field frame: an undetected object is more probable where detections hide it.
         """
         kept = math.exp(-seconds / _STEADY_S)
         noise = settings.acceleration_mps2**2
@@ -173,23 +172,14 @@ class Branches:
         )
 
     def choose_together(self, max_steps: int) -> Int64Array:
-        """Return the indices (B,) of the most likely branches, at most one of each tree, none with another's detection.
+        """Return the indices (B,) of the jointly most likely branches: at most one of each tree, no common detections.
 
-        A tree has none if more likely ones take all its detections.
-
-        Parameters
-        ----------
-        max_steps : int
-            Steps of the search, after which the best choice so far is taken.
+        After `max_steps` steps of the search the best choice so far is taken.
         """
         return np.flatnonzero(choose_together(self.tree, self.evidence, self.history, max_steps))
 
     def pruned(self, chosen: Int64Array) -> Branches:
-        """Keep the best branches of the chosen ones' trees.
-
-        A branch is kept if it is likely, agrees with the chosen one on the oldest detection, and is not equal to one
-        that is kept already, up to twelve of each tree.
-        """
+        """Return the best branches of the trees of the chosen ones (B,), see `keep_near`."""
         is_chosen = np.zeros(len(self), dtype=np.bool_)
         is_chosen[chosen] = True
         kept = keep_near(self.tree, self.evidence, self.history, is_chosen, _MAX_LOG_RATIO, _MAX_BRANCHES)

@@ -1,7 +1,7 @@
 """Candidates for moving objects: returns inside known free space (Miura 2004, section 2.4).
 
-A difference of two frames would need the robot's exact motion. A return where the floor has been free before, or where
-the field has no wall, needs no more than the pose and its covariance.
+A return is a measured range to an object. Differences of two frames would need the robot's exact motion. Returns where
+the floor was free before, or where the field has no wall, only need the pose and its covariance.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from robocup_vision.arrays import FloatArray, read_only
 from robocup_vision.geometry import Pose2, turned_covariance
 from robocup_vision.perception.obstacles import Obstacle, join_places
 
-# a return counts as inside when it is farther from the border than this many standard deviations of its position
+# least distance of a return inside free space from the border, in standard deviations of its position
 _INSIDE_SIGMAS = 3.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Detection:
-    """Something detected where the floor is known to be free."""
+    """An object detected where the floor is known to be free."""
 
-    #: its middle, robot frame
+    #: centre of the object, robot frame
     x_m: float
     y_m: float
-    covariance: FloatArray  #: (2, 2) float64: of that as the sensor measures it, square metres
+    covariance: FloatArray  #: (2, 2) float64: covariance of the centre by the sensor's errors alone, square metres
 
     def __post_init__(self) -> None:
         covariance = read_only(self.covariance)
@@ -43,7 +43,7 @@ class Detection:
 
 @dataclass(frozen=True, eq=False)
 class KnownFreeSpace:
-    """Where nothing stands that does not move, as cells of the field frame.
+    """Cells of the field frame in which no fixed object stands.
 
     Raises
     ------
@@ -53,7 +53,7 @@ class KnownFreeSpace:
 
     free: npt.NDArray[np.bool_]  #: (H, W) bool: row by y, column by x
     corner_m: tuple[float, float]  #: middle of cell [0, 0], field frame
-    cell_m: float  #: their size
+    cell_m: float  #: side of a cell
 
     def __post_init__(self) -> None:
         free = np.array(self.free, dtype=bool)
@@ -66,7 +66,7 @@ class KnownFreeSpace:
 
     @classmethod
     def of_field(cls, field: Field, cell_m: float = 0.02) -> KnownFreeSpace:
-        """Make the whole floor of a field known to be free."""
+        """Return the whole floor of a field as free space."""
         low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
         width, height = np.ceil((high - low) / cell_m).astype(int) + 1
         x, y = low[0] + cell_m * np.arange(width), low[1] + cell_m * np.arange(height)
@@ -81,7 +81,7 @@ class KnownFreeSpace:
         return np.asarray(np.maximum(cells - 0.5, 0.0) * self.cell_m, dtype=np.float64)
 
     def depth_m(self, points_m: FloatArray) -> FloatArray:
-        """How deep inside points (..., 2) of the field frame lie, metres; 0 where it is not known to be free."""
+        """Return the distances (...) of points (..., 2), field frame, from the border of free space; 0 outside."""
         column, row = np.moveaxis(np.rint((points_m - self.corner_m) / self.cell_m), -1, 0)
         height, width = self.free.shape
         known = (column >= 0) & (column < width) & (row >= 0) & (row < height)
@@ -99,12 +99,11 @@ class ReturnDetector:
         If radius or deviation is not positive.
     """
 
-    known_free: KnownFreeSpace  #: only a return inside is a candidate
-    radius_m: float = 0.09  #: of the objects, taken for upright cylinders: 0.09 m for a robot of the small-size league
-    #: standard deviation of a measured range: metres, and fraction of the range. An obstacle that tells its own has
-    #: that.
+    known_free: KnownFreeSpace  #: only returns inside are candidates
+    radius_m: float = 0.09  #: radius of the objects, upright cylinders: that of a robot of the small-size league
+    #: standard deviation of a measured range: metres, plus a fraction of the range; for obstacles without their own one
     range_std: tuple[float, float] = (0.01, 0.02)
-    longest_m: float = math.inf  #: returns farther away are left out
+    longest_m: float = math.inf  #: greatest range of a return
 
     def __post_init__(self) -> None:
         if not self.radius_m > 0:
@@ -120,13 +119,13 @@ class ReturnDetector:
         Parameters
         ----------
         bearing_rad : (J,) float64
-            Directions, robot frame, ascending and evenly spaced.
+            Bearings, robot frame, ascending and evenly spaced.
         range_m : (J,) float64
-            Range of the first thing in each; not finite where there is none.
+            Range of the first object at each; not finite if there is none.
         robot : Pose2
-            The robot in the field frame then.
+            Pose of the robot at that time, field frame.
         robot_covariance : (3, 3) float64, optional
-            Of that.
+            Covariance of the pose.
         """
         seen = np.isfinite(range_m) & (range_m < self.longest_m)
         reach = np.where(seen, range_m, 0.0)
@@ -140,8 +139,7 @@ class ReturnDetector:
         self, obstacles: Sequence[Obstacle], robot: Pose2, robot_covariance: FloatArray | None = None
     ) -> tuple[Detection, ...]:
         """Return the detections among `View.obstacles`; other parameters as in `in_profile`."""
-        # Blurred outlines leave thin blocked slivers beside a body and at a line's end: less than half an object's
-        # width is no object.
+        # blurred outlines leave thin blocked slivers beside an object and at a line's end, less than half its width
         wide = [o for o in obstacles if o.range_m < self.longest_m and o.width_m >= self.radius_m]
         if not wide:
             return ()
@@ -162,7 +160,7 @@ class ReturnDetector:
     def _inside(
         self, points_m: FloatArray, std_m: FloatArray, robot: Pose2, robot_covariance: FloatArray | None
     ) -> npt.NDArray[np.bool_]:
-        """(...,) bool: points (..., 2), robot frame, measured so well, that are surely inside known free space."""
+        """Return whether points (..., 2), robot frame, with range errors (...), are certainly in free space."""
         reach = np.hypot(points_m[..., 0], points_m[..., 1])
         variance = std_m**2
         if robot_covariance is not None:
@@ -191,12 +189,12 @@ class ReturnDetector:
 
 
 def near_side_ratio(half_width_ratio: float) -> float:
-    """Return how far a disc's near side lies before its centre, in radii, averaged over the width that is seen.
+    """Return the mean distance of a disc's near side from its centre along the line of sight, in radii.
 
     Parameters
     ----------
     half_width_ratio : float
-        Half of that width, in radii: the ends of the near side are seen less often than its middle. 1 and more: all.
+        Half of the visible width, over which the mean is taken, in radii; 1 or more for the whole disc.
     """
     half = min(half_width_ratio, 1.0)
     return 0.5 * (math.sqrt(1.0 - half * half) + math.asin(half) / half)
@@ -205,14 +203,9 @@ def near_side_ratio(half_width_ratio: float) -> float:
 def in_field(
     detections: Sequence[Detection], robot: Pose2, robot_covariance: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return places (M, 2) and covariances (M, 2, 2) in the field frame, the robot's own added.
+    """Return places (M, 2) and covariances (M, 2, 2) of detections in the field frame.
 
-    Parameters
-    ----------
-    robot : Pose2
-        The robot in the field frame then.
-    robot_covariance : (3, 3) float64, optional
-        Of that.
+    A covariance (3, 3) of the robot's pose, field frame, is added to those of the detections.
     """
     local = np.array([[d.x_m, d.y_m] for d in detections]).reshape(-1, 2)
     spreads = turned_covariance(np.array([d.covariance for d in detections]).reshape(-1, 2, 2), robot.theta_rad)

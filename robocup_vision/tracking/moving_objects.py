@@ -21,7 +21,7 @@ from robocup_vision.geometry import Pose2
 from robocup_vision.tracking.branches import MAX_STEPS, Branches, MovingObjectsSettings
 from robocup_vision.tracking.detections import Detection, in_field
 
-# a reported position is right within this fraction of the object's width: half of what a robot would touch
+# greatest error of a correct position, in widths of an object, by which a track's probability is defined
 _NEAR_RATIO = 2 / 3
 
 
@@ -33,7 +33,7 @@ class _Tree:
 
 
 class MovingObjects:
-    """Follows what moves on the field; one object a robot, called once a frame.
+    """Tracks moving objects on the field; one instance for each robot, called once for each frame.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class MovingObjects:
         self.forget()
 
     def forget(self) -> None:
-        """Follow nobody any more: the next frame is the first."""
+        """Delete all tracks: the next frame is the first."""
         self._trees: dict[int, _Tree] = {}
         nothing = np.empty(0, dtype=np.int64)
         self._branches = Branches.initiated(nothing, np.empty((0, 2)), np.empty((0, 2, 2)), nothing, self.settings)
@@ -63,18 +63,18 @@ class MovingObjects:
         Parameters
         ----------
         t_s : float
-            When it was taken; later than the frame before.
+            Time of the frame; later than that of the frame before.
         detections : sequence of Detection
-            Detected inside known free space.
+            Detections inside known free space.
         robot : Pose2
-            The robot in the field frame then.
+            Pose of the robot at that time, field frame.
         robot_covariance : (3, 3) float64, optional
-            Of that; adds to each detection's own.
+            Covariance of the pose, which is added to that of each detection.
 
         Returns
         -------
         tuple of Track
-            The objects that are reported, by their numbers.
+            The confirmed objects that are probably near their estimated positions.
 
         Raises
         ------
@@ -110,7 +110,10 @@ class MovingObjects:
         return tuple(self._tracks(now))
 
     def _unexplained(self, now: Branches, places_m: FloatArray, numbers: Int64Array) -> Int64Array:
-        """Return detections that no tree has and no reported object covers: one object may be detected in pieces."""
+        """Return the indices of detections that begin new trees: without a tree, and apart from confirmed objects.
+
+        One object may be detected in several pieces.
+        """
         taken = set(now.history[:, 0].tolist())
         free = [index for index, number in enumerate(numbers.tolist()) if number not in taken]
         confirmed = [index for index, number in enumerate(now.tree.tolist()) if self._trees[number].confirmed]
@@ -120,7 +123,7 @@ class MovingObjects:
         return np.array(fresh, dtype=np.int64)
 
     def _keep_score(self, now: Branches) -> set[int]:
-        """Update the trees by their branches of this frame; return the numbers of those that are lost."""
+        """Update the trees by their chosen branches in this frame; return the numbers of the trees to delete."""
         lost = set(self._trees) - set(now.tree.tolist())
         for index, number in enumerate(now.tree.tolist()):
             tree, odds = self._trees[number], float(now.odds[index])

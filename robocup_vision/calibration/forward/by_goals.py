@@ -48,7 +48,7 @@ def calibrate_by_goals(
     Parameters
     ----------
     field : Field
-        With goals of posts and a bar.
+        A field with goals of posts and a bar.
     frames : mapping of int to (H, W, 3) uint8
         BGR, by index.
     prior : mapping of int to Pose2

@@ -91,7 +91,7 @@ def calibrate_forward(
     Parameters
     ----------
     field : Field
-        With goals of posts and a bar if a neck turns the camera between the pictures.
+        A field, with goals of posts and a bar if a neck turns the camera between the pictures.
     images : sequence of (H, W, 3) uint8
         BGR, all of one size. Each is read when it is needed.
     start : PinholeCamera or KnownOfCamera, optional

@@ -23,8 +23,8 @@ from robocup_vision.geometry import Pose2
 AGREEMENT = 2.0
 # sectors of the image about the camera's centre; every other one is held out
 _SECTORS = 12
-# residual scales of the loss: in units before the last one, and the last one, by which families are compared: a few
-# times the points' noise
+# residual scales of the loss: all but the last in units of `Search.unit_px`; the last, by which families are compared,
+# is a few times the points' noise
 _SCALES, _SCALE_PX = (2.0, 1.0), 1.0
 # least gain on held-out points, in standard errors, for a family with more parameters
 _MIN_GAIN_STDS = 2.0
@@ -189,7 +189,7 @@ class CalibratedFrame:
 
     index: int  #: index in the given sequence
     name: str
-    pose: Pose2  #: of the robot; on a point-symmetric field possibly rotated by half a turn
+    pose: Pose2  #: pose of the robot; on a point-symmetric field possibly rotated by half a turn
     #: (B, 2) float64, (L, 2) float64: points of the floor's edge and of painted lines
     boundary_px: FloatArray
     line_px: FloatArray
@@ -213,7 +213,7 @@ class OmniCalibration:
 
 
 def standard_deviations(covariance: FloatArray) -> dict[str, float]:
-    """Return the square roots of a covariance's diagonal (G, G) with the names of `OnlineCalibration.std`."""
+    """Return the square roots of a covariance's diagonal (G, G) with the names of `OmniCalibration.std`."""
     std = np.sqrt(np.diag(covariance))
     names = ("center_u_px", "center_v_px", "tilt_x_rad", "tilt_y_rad", "scale", "horizon")
     return {name: float(value) for name, value in zip(names, std, strict=False)}

@@ -37,8 +37,8 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.lines.lines import nearest_lines
 from robocup_vision.localization.lines.line_map import LineMap
 
-# sideways at the start and at the end of a line; or radius and centre of an arc
-_NUMBERS = 3
+# number of parameters of a line's or arc's deviation, see `Fit.paint_m`
+_PAINT_PARAMETERS = 3
 # step of the numerical derivatives, in each parameter's unit
 _STEP = 1e-4
 _MIN_SLOPE = 1e-9
@@ -138,9 +138,9 @@ class OnPaint:
 
     @staticmethod
     def of(is_line: npt.NDArray[np.bool_], lines: LineForms) -> OnPaint:
-        """Return those for points (N,), of which some are on these lines."""
+        """Compute them for the points that a mask (N,) selects, and their lines in the same order."""
         straight = np.isfinite(lines.part)
-        by_paint = np.ones((len(lines.which), _NUMBERS))
+        by_paint = np.ones((len(lines.which), _PAINT_PARAMETERS))
         part = lines.part[straight]
         by_paint[straight] = np.column_stack([1 - part, part, np.zeros(len(part))])
         by_paint[~straight, 1:] = lines.form[~straight, :2]
@@ -153,7 +153,7 @@ class OnPaint:
     def derivative(self, weight: FloatArray, paint_m: FloatArray) -> FloatArray:
         """Return derivatives (N, 3 L) of covector times point, with W (N,), by the parameters of paint (L, 3)."""
         by_paint = np.zeros((len(weight), paint_m.size))
-        columns = _NUMBERS * self.which[:, None] + np.arange(_NUMBERS)
+        columns = _PAINT_PARAMETERS * self.which[:, None] + np.arange(_PAINT_PARAMETERS)
         by_paint[np.flatnonzero(self.is_line)[:, None], columns] = -self.by_paint * weight[self.is_line, None]
         return by_paint
 
@@ -251,18 +251,18 @@ class JointFit:
         free : (G,) bool, optional
             Whether each parameter is fitted or fixed; all are fitted by default.
         repeats : int
-            Iterations at each scale.
+            Iterations at each scale but the last.
         most : int
-            Greatest number of iterations at the last one, until convergence.
+            Greatest number of iterations at the last scale, where convergence ends them.
         """
         vector, poses = vector.copy(), poses.copy()
         free = np.ones(len(vector), dtype=bool) if free is None else free
-        paint = np.zeros((len(self.shape.lines) + len(self.shape.arcs), _NUMBERS)) if self._painted else None
-        for place, scale in enumerate(scales_px):
-            last = place == len(scales_px) - 1
-            for _ in range(most if last else repeats):
+        paint = np.zeros((len(self.shape.lines) + len(self.shape.arcs), _PAINT_PARAMETERS)) if self._painted else None
+        for index, scale in enumerate(scales_px):
+            is_last = index == len(scales_px) - 1
+            for _ in range(most if is_last else repeats):
                 moved = self._step(model, vector, poses, paint, scale, prior, bounds, free)
-                if last and moved < 1e-4:
+                if is_last and moved < 1e-4:
                     break
         residual = self.residuals(model.camera(vector), poses, paint)
         return Fit(model, vector, poses, self.cost(residual, scales_px[-1]), residual, paint)
@@ -396,7 +396,10 @@ class JointFit:
         bounds: tuple[FloatArray, FloatArray],
         free: npt.NDArray[np.bool_],
     ) -> float:
-        """Do one Gauss-Newton step in place; return its size relative to the bounds of a step, for a stop test."""
+        """Do one Gauss-Newton step in place; return its size, to test for convergence.
+
+        The size is the vector's largest step relative to its bound, plus the poses' largest step in metres or radians.
+        """
         count = len(vector)
         points = self.linearise(model, vector, poses, free, paint_m)
         # invisible lines are fixed

@@ -30,8 +30,7 @@ from robocup_vision.camera.pinhole import Mounting, PinholeCamera
 from robocup_vision.camera.rig import Rig, save_rig
 from robocup_vision.view import View
 
-# assumed between frames without times
-_USUAL_STEP_S = 1 / 30
+_USUAL_STEP_S = 1 / 30  # assumed time between frames without times
 
 
 Camera = OmniCamera | PinholeCamera | Rig
@@ -107,7 +106,7 @@ def _make_evidence(
 class OnlineState:
     """State of an online calibration."""
 
-    #: in use; for a pinhole camera tilt and roll
+    #: centre and tilt in use; for a pinhole camera the tilt is its tilt and roll
     center_px: tuple[float, float]
     tilt_rad: tuple[float, float]
     #: their standard deviations

@@ -174,7 +174,7 @@ def log_evidence(evidence: Evidence, mean: FloatArray, covariance: FloatArray) -
     # the frame's log-likelihood about the belief's mean
     gradient = evidence.gradient - evidence.information @ away
     level = float(evidence.gradient @ away - 0.5 * away @ evidence.information @ away)
-    # ln of the integral: gradient' (P^-1 + I)^-1 gradient / 2 - ln det(1 + P I) / 2
+    # logarithm of the integral: gradient' (P^-1 + I)^-1 gradient / 2 - ln det(1 + P I) / 2
     system = np.eye(size) + covariance @ evidence.information
     gain = float(0.5 * gradient @ np.linalg.solve(system, covariance @ gradient))
     return level + gain - 0.5 * float(np.linalg.slogdet(system)[1])

@@ -33,7 +33,7 @@ class PinholeEvidence:
     Parameters
     ----------
     camera : PinholeCamera
-        As in its file, with a known tilt.
+        The camera of its file, with a known tilt.
     """
 
     slices = (CENTER, _ANGLES, LOG_FOCAL)

@@ -50,7 +50,7 @@ class RigEvidence:
     Parameters
     ----------
     rig : Rig
-        As in its files, with known tilts.
+        The rig of its files, with known tilts.
     masks : sequence of ((H, W) uint8 or None), optional
         As in `Vision`.
     """

@@ -53,8 +53,8 @@ _FILL_STD, _FILL_PX = 0.08, 0.25
 _RIM_PIXELS = 3.0
 # probabilities for ball and clutter that a place inside the rim, or outside, has the hue
 _HUED_INSIDE, _HUED_OUTSIDE = (0.95, 0.6), (0.03, 0.15)
-# the same that a place outside the rim shows floor: on the robot's side, and on the far side, where boards or robots
-# may be
+# probabilities for ball and clutter that a place outside the rim shows floor: on the robot's side, and on the far side,
+# where boards or robots may be
 _NEAR_FLOOR, _FAR_FLOOR = (0.8, 0.5), (0.5, 0.45)
 # the contrast is the difference between the hues inside and outside, in units of the spread outside: the neutral one,
 # nats for each unit above and below it, and the bounds of the nats

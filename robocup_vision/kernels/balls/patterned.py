@@ -39,7 +39,9 @@ _DIRECTIONS = np.column_stack([np.cos(_TURNS), np.sin(_TURNS)])
 # directions of a first test, of which three must agree: half a rim has four, and one may be wrong
 _ROUGH = 8
 _LAST = np.uint64(63)
-# columns of a disc
+# columns of a disc: centre and radius (px); ratio of directions that agree, and of ball inside (`measure_disc`); level
+# of white, and ratio of dark places (`measure_patches`); level and ratio of carpet around it (`_surroundings`); ratio
+# of directions in view
 U, V, RADIUS, AGREE, INSIDE, WHITE, DARK, CARPET_LEVEL, AROUND, SHOWN, COLUMNS = range(11)
 # distances, in radii, at which carpet around a disc is counted
 _AROUND = (2.0, 3.0)
@@ -55,7 +57,7 @@ _STEPS = 0.25
 _MIN_INSIDE, _MIN_AGREE = 0.8, 0.5
 # of two discs of similar size that are closer than this number of radii, one is kept
 _APART = 0.7
-# level of a dark patch, at most, relative to the white; least ratio of a disc that is dark
+# greatest level of a dark patch, relative to the white; least ratio of a disc's pixels that are dark
 _MAX_DARK, _MIN_DARK = 0.55, 0.04
 
 
@@ -63,7 +65,7 @@ _MAX_DARK, _MIN_DARK = 0.55, 0.04
 def measure_carpet(
     blurred: UInt8Array, first: int, scratch: FloatArray
 ) -> tuple[float, float, float, float, float, float]:
-    """Return the ratio of carpet in a frame's lower part, quartiles of its hue, and medians of greenness and green.
+    """Return the ratio of carpet in a frame's lower part, its hue's quartiles, and medians of greenness and green.
 
     Parameters
     ----------
@@ -72,7 +74,7 @@ def measure_carpet(
     first : int
         First row of the lower part.
     scratch : (4, N) float64
-        Room for one more than the number of sampled pixels.
+        Work space; N is at least one more than the number of sampled pixels.
     """
     height, width, _ = blurred.shape
     hues, greens, levels = scratch[0], scratch[1], scratch[2]
@@ -156,7 +158,7 @@ def classify(
 
 @compiled
 def measure_disc(kinds: UInt8Array, u: float, v: float, radius: float) -> tuple[int, int, float]:
-    """Return the numbers of directions that are ball inside and carpet outside, and that are visible; ratio of ball.
+    """Return the number of directions with ball inside and carpet outside, the number in view, and the ratio of ball.
 
     Places of the underside that have the carpet's colour are not counted.
     """

@@ -117,7 +117,7 @@ def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: Edge
     profile = np.empty((3, samples, count), np.int32)
     _place_samples(center, step_u, step_v, near, size_px[0], places, parts)
     _sample_colors(frame, places, parts, profile)
-    _see(hidden, places, frame.shape[1], seen)
+    _exclude_hidden(hidden, places, frame.shape[1], seen)
     gain, edge = np.empty((3, count), np.int32), np.empty(count)
     signal, base, rise = np.empty((3, EDGE_SAMPLES, count), np.int32), np.empty(count), np.empty(count)
     _find_steps(profile, near, reach - span, reach + span, search.min_contrast, gain, edge, signal[2], base, rise)
@@ -137,7 +137,7 @@ def radial_edges(frame: UInt8Array, hidden: UInt8Array, rays: Rays, search: Edge
         _place_samples(center, aside_u, aside_v, near, size_px[0], places, parts)
         _sample_colors(frame, places, parts, colors)
         _weigh(colors, gain, signal[side])
-        _see(hidden, places, frame.shape[1], seen)
+        _exclude_hidden(hidden, places, frame.shape[1], seen)
     shift = np.empty(count, np.float32)
     _fit_steps(signal, offset, base, rise, shift)
     for n in range(count):
@@ -181,8 +181,8 @@ def _place_samples(
 
 
 @compiled
-def _see(hidden: UInt8Array, places: Int32Array, width: int, seen: BoolArray) -> None:
-    """Clear `seen` (N,) for bearings with a hidden sample."""
+def _exclude_hidden(hidden: UInt8Array, places: Int32Array, width: int, seen: BoolArray) -> None:
+    """Set `seen` (N,) to False for bearings with a hidden sample."""
     if hidden.shape[0] == 0:
         return
     for i in range(places.shape[0]):

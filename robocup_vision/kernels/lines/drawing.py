@@ -16,10 +16,11 @@ from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.pinhole import camera_axes, ideal_pixel, in_camera
 
 MARGIN = 4
-_ALONG_PX, _ACROSS_PX = 1.2, 0.8  # between strokes: along a line blur leaves no gap even there
+# distances between strokes along a line, where blur leaves no gap, and across it
+_ALONG_PX, _ACROSS_PX = 1.2, 0.8
 _REACH = 2
 _WIDE = 2 * _REACH + 1
-_PARTS = 64  # of a pixel, for which strokes are made in advance
+_PARTS = 64  # number of parts of a pixel for which strokes are made in advance
 
 
 class LinePen(NamedTuple):

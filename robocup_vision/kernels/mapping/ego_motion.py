@@ -95,23 +95,23 @@ def smooth(
         for side in (-1, 1):
             last = middle
             for step in range(1, reach + 1):
-                near = inverse[(j + side * step) % count]
+                neighbour = inverse[(j + side * step) % count]
                 # noise between neighbours is far smaller than a step in depth
-                if _is_step(near, last, variance[j]):
+                if _is_step(neighbour, last, variance[j]):
                     break
-                last = near
+                last = neighbour
                 cos, sin = math.cos(step * step_rad), math.sin(side * step * step_rad)
                 cc += cos * cos
                 cs += cos * sin
                 ss += sin * sin
-                c += cos * near
-                s += sin * near
-        size = cc * ss - cs * cs
+                c += cos * neighbour
+                s += sin * neighbour
+        determinant = cc * ss - cs * cs
         # a single direction has no slope; usually it is an edge between two objects
         if ss > 0.0:
-            value[j] = (ss * c - cs * s) / size
-            slope[j] = (cc * s - cs * c) / size * step_rad
-            spread[j] = variance[j] * ss / size
+            value[j] = (ss * c - cs * s) / determinant
+            slope[j] = (cc * s - cs * c) / determinant * step_rad
+            spread[j] = variance[j] * ss / determinant
 
 
 @compiled
@@ -130,16 +130,16 @@ def part(inverse: FloatArray, variance: FloatArray, thing: Int64Array) -> int:
         if _is_step(inverse[j - 1], inverse[j], variance[j]):
             first = j
             break
-    things = 0
+    object_count = 0
     for step in range(count):
         j = (first + step) % count
         if not inverse[j] > 0.0:
             thing[j] = -1
             continue
         if step == 0 or _is_step(inverse[j - 1], inverse[j], variance[j]):
-            things += 1
-        thing[j] = things - 1
-    return things
+            object_count += 1
+        thing[j] = object_count - 1
+    return object_count
 
 
 @compiled
@@ -175,14 +175,14 @@ def _add_block(
     xx, xy, yy = 0.0, 0.0, 0.0
     if moved_variance > 0.0:
         a, b, d = own_normal[0, 0] + 1.0 / moved_variance, own_normal[0, 1], own_normal[1, 1] + 1.0 / moved_variance
-        size = a * d - b * b
-        xx, xy, yy = d / size, -b / size, a / size
-    left_x, left_y = own_slope[0], own_slope[1]
+        determinant = a * d - b * b
+        xx, xy, yy = d / determinant, -b / determinant, a / determinant
+    slope_x, slope_y = own_slope[0], own_slope[1]
     for a in range(3):
         by_x = own_normal[a, 0] * xx + own_normal[a, 1] * xy
         by_y = own_normal[a, 0] * xy + own_normal[a, 1] * yy
         # own_normal is not changed before the end of the loop
-        own_slope[a] -= by_x * left_x + by_y * left_y
+        own_slope[a] -= by_x * slope_x + by_y * slope_y
         slope[a] += own_slope[a]
         for b in range(3):
             normal[a, b] += own_normal[a, b] - by_x * own_normal[0, b] - by_y * own_normal[1, b]
@@ -231,7 +231,7 @@ def compare(
     start = 0
     while start < points - 1 and thing[start] == thing[-1]:
         start += 1
-    total, counted, comparable, blocks, inside, last = 0.0, 0, 0, 0, 0, -1
+    total, inliers, comparable, blocks, block_size, last = 0.0, 0, 0, 0, 0, -1
     row, own_normal, own_slope = np.empty(3), np.zeros((3, 3)), np.zeros(3)
     for step in range(points):
         m = (start + step) % points
@@ -239,41 +239,41 @@ def compare(
         squared = dx * dx + dy * dy
         if not squared > 0.0:
             continue
-        seen = 1.0 / math.sqrt(squared)
-        turn = (math.atan2(dy, dx) - phi) * per_rad
-        place = int(math.floor(turn + 0.5))
+        predicted = 1.0 / math.sqrt(squared)
+        position = (math.atan2(dy, dx) - phi) * per_rad
+        place = int(math.floor(position + 0.5))
         j = place % bearings
         if not present[VALUE, j] > 0.0:
             continue
         spread = present[VARIANCE, j] + past[m, RANGE_VARIANCE] / (squared * squared)
         limit = gate * math.sqrt(spread)
         # hidden by a nearer object of the earlier profile
-        if nearest[j] - seen > limit:
+        if nearest[j] - predicted > limit:
             continue
         comparable += 1
-        off = present[VALUE, j] + (turn - place) * present[SLOPE, j] - seen
-        if abs(off) > limit:
+        residual = present[VALUE, j] + (position - place) * present[SLOPE, j] - predicted
+        if abs(residual) > limit:
             continue
-        if last >= 0 and (inside == block or thing[m] != thing[last]):
+        if last >= 0 and (block_size == block or thing[m] != thing[last]):
             _add_block(own_normal, own_slope, past[last, MOVED_VARIANCE], normal, slope, scatter)
             blocks += 1
-            inside = 0
+            block_size = 0
         last = m
-        inside += 1
-        counted += 1
-        total += off * off / spread
-        turned = present[SLOPE, j] * per_rad
-        row[0] = (turned * dy - dx * seen) / squared
-        row[1] = (-turned * dx - dy * seen) / squared
-        row[2] = -turned
+        block_size += 1
+        inliers += 1
+        total += residual * residual / spread
+        slope_per_rad = present[SLOPE, j] * per_rad
+        row[0] = (slope_per_rad * dy - dx * predicted) / squared
+        row[1] = (-slope_per_rad * dx - dy * predicted) / squared
+        row[2] = -slope_per_rad
         for a in range(3):
-            own_slope[a] += row[a] * off * worth / spread
+            own_slope[a] += row[a] * residual * worth / spread
             for b in range(3):
                 own_normal[a, b] += row[a] * row[b] * worth / spread
     if last >= 0:
         _add_block(own_normal, own_slope, past[last, MOVED_VARIANCE], normal, slope, scatter)
         blocks += 1
-    return total, counted, comparable, blocks
+    return total, inliers, comparable, blocks
 
 
 @compiled
@@ -284,18 +284,18 @@ def excess(normal: FloatArray, scatter: FloatArray, information: FloatArray, blo
     scatter : (3, 3) sum of the outer products of the blocks' slopes; its expectation is `normal` if the errors are as
     stated and independent.
     """
-    whole, expected_column, observed_column = np.empty((3, 3)), np.empty(3), np.empty(3)
+    total, expected_column, observed_column = np.empty((3, 3)), np.empty(3), np.empty(3)
     for a in range(3):
         for b in range(3):
-            whole[a, b] = normal[a, b] + information[a, b]
-    if not factor(whole, 3):
+            total[a, b] = normal[a, b] + information[a, b]
+    if not factor(total, 3):
         return 1.0
     expected, observed = 0.0, 0.0
     for a in range(3):
         for b in range(3):
             expected_column[b], observed_column[b] = normal[b, a], scatter[b, a]
-        substitute(whole, 3, expected_column)
-        substitute(whole, 3, observed_column)
+        substitute(total, 3, expected_column)
+        substitute(total, 3, observed_column)
         expected += expected_column[a]
         observed += observed_column[a]
     # the fit of three unknowns reduces the degrees of freedom by three
@@ -322,34 +322,34 @@ def difference(
 
     Returns Diff, the number of profiles used, and the inlier ratio over all comparable bearings.
     """
-    one, nearest = Sums(np.empty((3, 3)), np.empty(3), np.empty((3, 3))), np.empty(present.shape[1])
+    sums, nearest = Sums(np.empty((3, 3)), np.empty(3), np.empty((3, 3))), np.empty(present.shape[1])
     normal[:] = 0.0
     slope[:] = 0.0
-    total, used, most, agreeing, all_comparable = 0.0, 0, 0, 0, 0
+    total, used, most, all_inliers, all_comparable = 0.0, 0, 0, 0, 0
     for i in range(earlier.points.shape[0]):
-        one.normal[:] = 0.0
-        one.slope[:] = 0.0
-        one.scatter[:] = 0.0
-        cost, counted, comparable, blocks = compare(
-            present, earlier.points[i], earlier.thing[i], pose, gate, rules, nearest, one
+        sums.normal[:] = 0.0
+        sums.slope[:] = 0.0
+        sums.scatter[:] = 0.0
+        cost, inliers, comparable, blocks = compare(
+            present, earlier.points[i], earlier.thing[i], pose, gate, rules, nearest, sums
         )
-        agreeing += counted
+        all_inliers += inliers
         all_comparable += comparable
-        if blocks < _MIN_BLOCKS or counted < rules.min_inlier_ratio * comparable:
+        if blocks < _MIN_BLOCKS or inliers < rules.min_inlier_ratio * comparable:
             continue
         used += 1
-        most = max(most, counted)
-        total += cost / counted
-        weight = 1.0 / (counted * excess(one.normal, one.scatter, information, blocks))
+        most = max(most, inliers)
+        total += cost / inliers
+        weight = 1.0 / (inliers * excess(sums.normal, sums.scatter, information, blocks))
         for a in range(3):
-            slope[a] += one.slope[a] * weight
+            slope[a] += sums.slope[a] * weight
             for b in range(3):
-                normal[a, b] += one.normal[a, b] * weight
+                normal[a, b] += sums.normal[a, b] * weight
     for a in range(3):
         slope[a] *= most / max(used, 1)
         for b in range(3):
             normal[a, b] *= most / max(used, 1)
-    return total, used, agreeing / max(all_comparable, 1)
+    return total, used, all_inliers / max(all_comparable, 1)
 
 
 @compiled
@@ -366,7 +366,7 @@ def refine(
 
     prediction : prior pose from odometry.
 
-    Returns the number of profiles used in the last step, and the inlier ratio there; 0 profiles if a step had none.
+    Returns the number of profiles used in the last step, and the inlier ratio there; 0 profiles if a step failed.
     """
     slope, matrix = np.empty(3), np.empty((3, 3))
     predicted, information = prediction
@@ -394,19 +394,19 @@ def search(present: FloatArray, points: FloatArray, poses: FloatArray, gate: flo
     per_rad = bearings / math.tau
     best, most = 0, -1
     for n in range(poses.shape[0]):
-        agreeing = 0
+        inliers = 0
         for p in range(points.shape[0]):
             dx, dy = points[p, X] - poses[n, 0], points[p, Y] - poses[n, 1]
             squared = dx * dx + dy * dy
             if not squared > 0.0:
                 continue
-            turn = (math.atan2(dy, dx) - poses[n, 2]) * per_rad
-            place = int(math.floor(turn + 0.5))
+            position = (math.atan2(dy, dx) - poses[n, 2]) * per_rad
+            place = int(math.floor(position + 0.5))
             j = place % bearings
-            off = present[VALUE, j] + (turn - place) * present[SLOPE, j] - 1.0 / math.sqrt(squared)
+            residual = present[VALUE, j] + (position - place) * present[SLOPE, j] - 1.0 / math.sqrt(squared)
             spread = present[VARIANCE, j] + points[p, RANGE_VARIANCE] / (squared * squared)
-            if off * off <= gate * gate * spread:
-                agreeing += 1
-        if agreeing > most:
-            best, most = n, agreeing
+            if residual * residual <= gate * gate * spread:
+                inliers += 1
+        if inliers > most:
+            best, most = n, inliers
     return best

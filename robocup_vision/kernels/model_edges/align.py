@@ -1,7 +1,7 @@
-"""Moves proposed poses to where the line points lie on the field's lines, tilt and roll included.
+"""Aligns proposed poses with the field's lines by robust Gauss-Newton steps; tilt and roll are unknowns, too.
 
-The bank's poses are a quarter of a metre apart and have the tilt at rest. A few robust steps on the table of distances
-cost little, and rank the proposals far better than the bank alone.
+The bank's poses are a quarter of a metre apart and have the tilt at rest. A few steps on the table of distances cost
+little, and their costs rank the proposals far better than the scores of the bank.
 """
 
 from __future__ import annotations
@@ -18,33 +18,33 @@ from robocup_vision.kernels.algebra.order import sort
 from robocup_vision.kernels.model_edges.find import Bank
 
 SIZE = 5  # x, y, heading, tilt, roll
-FAR = 1e3  # pixels, of a point beside the field
+FAR = 1e3  # residual in pixels of a point that lies beside the table of distances, or not on the floor
 DROPPED = 1e9  # cost of a dropped pose; fast mathematics has no infinity
 
 
 class Alignment(NamedTuple):
-    """How poses are moved.
+    """What poses are aligned with, and how.
 
     Parameters
     ----------
     slopes : (N, 2) float64
-        Line points as left and up of the optical axis, over the depth.
+        Line points: components of their rays to the left and upwards, divided by that along the optical axis.
     tilt_rad, roll_rad, height_m : float
-        Of the camera at rest.
+        Tilt, roll and height of the camera at rest.
     std : (5,) float64
-        Of x, y, heading about a proposal, of tilt and roll about rest.
+        Standard deviations of x, y, heading about a proposal, and of tilt and roll about rest.
     pixel_rad : float
         Angle of one pixel.
     gates_px : (G,) float64
         Scale of the robust weight in each step; the last one is that of the score too.
     uprights : (S, 8) float64
-        Beacons and posts, as `sightings.sightings` returns them; their bearings and sizes are weighed as line points.
+        Beacons and posts, see `sightings.sightings`; bearings and sizes are residuals like those of line points.
     ends : (E, 2) float64
-        Where the carpet ends, as `slopes`: at the feet of walls, or of what stands before them.
+        Where the carpet ends, in the form of `slopes`: at the feet of walls, or of what stands before them.
     walls_m : (R, C) float32
-        Distances from the walls' feet, as `Bank.distance_m`.
+        Distances from the walls' feet, in the form of `Bank.distance_m`.
     end_weight : float
-        Of an end, in line points.
+        Weight of an end of the carpet, in line points.
     """
 
     slopes: FloatArray
@@ -72,14 +72,16 @@ def _weigh_points(
     system: FloatArray,
     step: FloatArray,
 ) -> float:
-    """Add the points' normal equations to `system` (lower half) and `step`, and return how many are off.
+    """Add the points' normal equations to `system` (lower half) and `step`, and return their robust cost.
+
+    A point costs 0 on a line and up to `one_weight` far from all lines.
 
     Parameters
     ----------
     slopes : (N, 2) float64
         See `Alignment`.
     distance_m : (R, C) float32
-        From the nearest line, or wall.
+        Distances from the nearest line, or wall.
     grid : (float, float, float)
         x and y of cell (0, 0)'s middle, and a cell's side.
     camera : (float, float, float, float)
@@ -89,9 +91,9 @@ def _weigh_points(
     gate2 : float
         Square of the robust weight's scale, pixels.
     one_weight : float
-        Of a point.
+        Weight of a point.
     system, step : (5, 5), (5,) float64
-        Added to.
+        Information and gradient, in and out.
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
     ct, st = math.cos(camera[0] + pose[3]), math.sin(camera[0] + pose[3])
@@ -115,32 +117,32 @@ def _weigh_points(
             continue
         scale = -height / up
         x, y = ahead * scale, left * scale
-        column, line = int(px + (c * x - s * y) * inverse), int(py + (s * x + c * y) * inverse)
-        if column < 1 or line < 1 or column > last_column or line > last_row:
+        column, row = int(px + (c * x - s * y) * inverse), int(py + (s * x + c * y) * inverse)
+        if column < 1 or row < 1 or column > last_column or row > last_row:
             total += one_weight * far2 / (1.0 + far2)
             continue
-        u, v = np.uintp(column), np.uintp(line)
+        u, v = np.uintp(column), np.uintp(row)
         one_cell = np.uintp(1)
         gx = 0.5 * inverse * (distance_m[v, u + one_cell] - distance_m[v, u - one_cell])
         gy = 0.5 * inverse * (distance_m[v + one_cell, u] - distance_m[v - one_cell, u])
-        # the same in the robot's frame
+        # the gradient in the robot's frame
         rx, ry = c * gx + s * gy, c * gy - s * gx
-        # one pixel up and one aside on the floor
+        # squared size on the floor of one pixel upwards and one pixel sideways
         away2 = x * x + y * y
         slant2 = away2 + height * height
         along, across = rx * x + ry * y, ry * x - rx * y
         upward2 = pixel * pixel * slant2 * slant2 / (height * height)
         aside2 = pixel * pixel * slant2
-        one = 1.0 / math.sqrt((along * along * upward2 + across * across * aside2) / away2 + cell2)
-        off = distance_m[v, u] * one
+        px_per_m = 1.0 / math.sqrt((along * along * upward2 + across * across * aside2) / away2 + cell2)
+        off = distance_m[v, u] * px_per_m
         root_weight = 1.0 / (1.0 + off * off / gate2)
         total += one_weight * (1.0 - root_weight)
         weight = one_weight * root_weight * root_weight
         factor2 = height / (up * up)
-        r0, r1, r2 = gx * one, gy * one, (ry * x - rx * y) * one
-        r3 = (rx * (up * up + ahead * ahead) + ry * left * ahead) * factor2 * one
+        r0, r1, r2 = gx * px_per_m, gy * px_per_m, (ry * x - rx * y) * px_per_m
+        r3 = (rx * (up * up + ahead * ahead) + ry * left * ahead) * factor2 * px_per_m
         d_ahead, d_left, d_up = -st * left, -over, ct * left
-        r4 = -(rx * (d_ahead * up - ahead * d_up) + ry * (d_left * up - left * d_up)) * factor2 * one
+        r4 = -(rx * (d_ahead * up - ahead * d_up) + ry * (d_left * up - left * d_up)) * factor2 * px_per_m
         w0, w1, w2, w3, w4 = weight * r0, weight * r1, weight * r2, weight * r3, weight * r4
         s00 += w0 * r0
         s10 += w1 * r0
@@ -211,7 +213,7 @@ def _upright_residuals(how: Alignment, pose: FloatArray, n: int, rows: FloatArra
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def _work_arrays() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return arrays to work in: derivatives of a sighting, system and step."""
+    """Return scratch arrays: derivatives of a sighting's residuals, system and step."""
     return np.zeros((2, SIZE)), np.empty((SIZE, SIZE)), np.empty(SIZE)
 
 
@@ -226,7 +228,7 @@ def _advance(
     work: tuple[FloatArray, FloatArray, FloatArray],
     pose: FloatArray,
 ) -> float:
-    """Move a pose by one step to some line points if it is to move, and return what it cost before."""
+    """Return the cost of a pose for some line points, and then move it by one step in place if `moves` is true."""
     rows, system, step = work
     grid = (bank.origin_m[0], bank.origin_m[1], bank.cell_m)
     camera = (how.tilt_rad, how.roll_rad, how.height_m, how.pixel_rad)
@@ -273,44 +275,44 @@ def align_poses(
     poses: FloatArray,
     costs: FloatArray,
 ) -> None:
-    """Move poses and score them, but drop the costlier half after each step, down to the last few.
+    """Align poses and return their costs; from the second step on, each step drops the costlier half of them.
 
     Parameters
     ----------
     bank : Bank
         Its table of distances from lines.
     how : Alignment
-        Points and numbers.
+        Points, and numbers of the fit.
     starts : (M, 3) float64
         x, y, heading.
     poses : (M, 5) float64
         Result: x, y, heading, and tilt and roll less those at rest.
     likely : int
-        How many poses are moved in all steps.
+        Number of poses that are never dropped.
     costs : (M,) float64
-        Result: points that are off, each up to 1, and half of the squared distance of tilt and roll from rest;
-        `DROPPED` for those dropped.
+        Result: robust cost of the points, each up to its weight, plus half of the squared distance of tilt and roll
+        from rest in standard deviations; `DROPPED` for dropped poses.
     """
-    count, turns = starts.shape[0], how.gates_px.shape[0]
+    count, iterations = starts.shape[0], how.gates_px.shape[0]
     work, order = _work_arrays(), np.empty(count)
     for m in range(count):
         for j in range(SIZE):
             poses[m, j] = starts[m, j] if j < 3 else 0.0
         costs[m] = 0.0
     left = count
-    for turn in range(turns + 1):
-        gate_px = how.gates_px[min(turn, turns - 1)]
+    for iteration in range(iterations + 1):
+        gate_px = how.gates_px[min(iteration, iterations - 1)]
         # every other point is enough for the first step, as their order is random
-        slopes = how.slopes[: (how.slopes.shape[0] + 1) // 2] if turn == 0 else how.slopes
-        halves = 0 < turn < turns and left > likely
+        slopes = how.slopes[: (how.slopes.shape[0] + 1) // 2] if iteration == 0 else how.slopes
+        is_halved = 0 < iteration < iterations and left > likely
         number = 0
         for m in range(count):
             if costs[m] == DROPPED:
                 continue
-            costs[m] = _advance(bank, how, slopes, starts[m], gate_px, turn < turns, work, poses[m])
+            costs[m] = _advance(bank, how, slopes, starts[m], gate_px, iteration < iterations, work, poses[m])
             order[number] = costs[m]
             number += 1
-        if halves:
+        if is_halved:
             sort(order[:number])
             left = max(likely, number // 2)
             limit = order[left - 1]
@@ -320,14 +322,14 @@ def align_poses(
 
 
 def slopes_of(rows: FloatArray, tilt_rad: float, roll_rad: float, height_m: float) -> FloatArray:
-    """Return the line points that lie at places of the floor as `Alignment` takes them.
+    """Return the slopes (N, 2) of `Alignment` of line points at places on the floor.
 
     Parameters
     ----------
     rows : (N, 3) float64
         Forward and left of the camera's foot, metres, as `find.floor_places` returns them.
     tilt_rad, roll_rad, height_m : float
-        Of the camera that they were worked out for.
+        Tilt, roll and height of the camera by which the places were computed.
     """
     ct, st, cr, sr = math.cos(tilt_rad), math.sin(tilt_rad), math.cos(roll_rad), math.sin(roll_rad)
     depth = ct * rows[:, 0] - st * height_m

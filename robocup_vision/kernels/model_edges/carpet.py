@@ -1,6 +1,6 @@
-"""Estimates the carpet's colour from a picture, and classifies a colour as carpet or as a mark's paint.
+"""Estimates the carpet's colour from a picture, and classifies a colour as carpet or as a marking's paint.
 
-Search and verdict use both for every sample: a line lies between carpets, and what hides a line is not carpet.
+Search and verdict use both for every sample: a line has carpet on both sides, and what hides a line is not carpet.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from robocup_vision.kernels.model_edges.tables import FloatArray, Int64Array, UI
 
 ONE, TWO = np.uintp(1), np.uintp(2)
 GRID = 24  # places along each image axis at which the carpet is looked at
-TONES = 24
+TONES = 24  # cells of the histogram of tones, along the fraction of blue and along that of red
 # least excess of green in a surely green tone, as a fraction of all light; and least fraction of the pixels that the
 # carpet fills beside a near robot
 MIN_SURE_GREEN, MIN_BESIDE = 0.1, 0.1
-# the same of a carpet bleached by glare, which noisy grey does not reach; and of a carpet in other light
+# the same excess of green of a carpet bleached by glare, which noisy grey does not reach; and the least fraction of the
+# pixels that a carpet in other light fills
 MIN_GREEN, MIN_OTHER = 0.03, 0.05
 # a patch of carpet in other light is wider than the picture's width divided by this, a blurred line is not; and the
 # fraction by which the light of neighbouring grass may differ
@@ -37,8 +38,8 @@ MIN_PAINT, MIN_HUE_COS, MIN_WHITENESS = 0.3, 0.7, 0.5
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _leads_in_green(i: int, j: int) -> float:
-    """Return the excess of green over blue and red in a cell of tones, as a fraction of all light."""
+def _green_excess(i: int, j: int) -> float:
+    """Return the excess of green over the greater of blue and red in a cell of tones, as a fraction of all light."""
     blue, red = (i - 0.5) / (TONES - 1), (j - 0.5) / (TONES - 1)
     return 1.0 - blue - red - max(blue, red)
 
@@ -65,13 +66,13 @@ def _commonest(tones: Int64Array, total: int) -> tuple[int, int]:
             near = _with_neighbours(tones, i, j) + tones[i, j]
             if near > best:
                 best, bi, bj = near, i, j
-    if _leads_in_green(bi, bj) > MIN_SURE_GREEN:
+    if _green_excess(bi, bj) > MIN_SURE_GREEN:
         return bi, bj
     greenest, gi, gj = int(MIN_BESIDE * total), bi, bj
     for i in range(1, TONES + 1):
         for j in range(1, TONES + 1):
             # the noise of a grey tone reaches into the cells around it
-            if _leads_in_green(i, j) <= MIN_SURE_GREEN or max(abs(i - bi), abs(j - bj)) <= 2:
+            if _green_excess(i, j) <= MIN_SURE_GREEN or max(abs(i - bi), abs(j - bj)) <= 2:
                 continue
             near = _with_neighbours(tones, i, j)
             if near > greenest:
@@ -122,9 +123,9 @@ def _lies_in_patches(image: UInt8Array, top: int, i: int, j: int, least: float) 
             number += 1
             sides = 0
             for k in range(4):
-                way = away * (1 - 2 * (k // 2))
-                v = min(max(y + (way if k % 2 == 0 else 0), 0), height - 1)
-                u = min(max(x + (way if k % 2 == 1 else 0), 0), width - 1)
+                shift = away * (1 - 2 * (k // 2))
+                v = min(max(y + (shift if k % 2 == 0 else 0), 0), height - 1)
+                u = min(max(x + (shift if k % 2 == 1 else 0), 0), width - 1)
                 b, g, r = float(image[v, u, 0]), float(image[v, u, 1]), float(image[v, u, 2])
                 if abs(b + g + r - light) < SAME_LIGHT * light and _is_green(b, g, r):
                     sides += 1
@@ -136,7 +137,7 @@ def _lies_in_patches(image: UInt8Array, top: int, i: int, j: int, least: float) 
 def _mean_tone(
     lit: FloatArray, cells: Int64Array, count: int, i: int, j: int, green_only: bool, mean: FloatArray
 ) -> int:
-    """Mean colour of the pixels, or of the green ones, in and around a cell of tones; returns how many these are."""
+    """Fill in the mean colour of the pixels, or of the green ones, in and around a cell; returns their number."""
     number = 0
     for c in range(3):
         mean[c] = 0.0
@@ -161,11 +162,11 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
     image : (H, W, 3) uint8
         BGR.
     horizon_row : int
-        Where the floor may begin.
+        Row below which the floor may begin.
     carpet : (5,) or (8,) float64
-        Result: blue, green, red of the carpet's tone (`_commonest`), the noise of a channel (grey levels), how many
-        pixels had that tone as a fraction; where the array has places for it: blue, green, red in other light
-        (`_other_light`), or the same again.
+        Result: blue, green and red of the carpet's tone (`_commonest`), the noise of a channel (grey levels), and the
+        fraction of the pixels that had this tone. In an array of 8 also blue, green and red of the carpet in other
+        light (`_other_light`); the same tone again if there is none.
     """
     height, width = image.shape[0], image.shape[1]
     top = min(max(horizon_row + 2, 1), height - 12)
@@ -186,8 +187,8 @@ def carpet_look(image: UInt8Array, horizon_row: int, carpet: FloatArray) -> None
         for j in range(GRID):
             x = 2 + (width - 5) * j // (GRID - 1)
             b, g, r = float(image[y, x, 0]), float(image[y, x, 1]), float(image[y, x, 2])
-            bend = abs(int(image[y, x - 1, 1]) - 2 * int(image[y, x, 1]) + int(image[y, x + 1, 1]))
-            rough[min(bend, 63)] += 1
+            roughness = abs(int(image[y, x - 1, 1]) - 2 * int(image[y, x, 1]) + int(image[y, x + 1, 1]))
+            rough[min(roughness, 63)] += 1
             total += 1
             light = b + g + r
             if light > least:
@@ -234,14 +235,18 @@ def is_carpet(
     noise_ratio: float = 1.0,
     min_saturation: float = MIN_SATURATION,
 ) -> bool:
-    """Return whether a colour is the carpet's, somewhat brighter, darker or paler, with so much of a pixel's noise."""
-    light, known = b + g + r, carpet[0] + carpet[1] + carpet[2]
+    """Return whether a colour may be the carpet's, somewhat brighter, darker or paler.
+
+    `noise_ratio` is the noise of the colour divided by that of one pixel; `min_saturation` is the least saturation as a
+    fraction of the carpet's.
+    """
+    light, usual = b + g + r, carpet[0] + carpet[1] + carpet[2]
     other = other_light(carpet)
-    if light < 1.0 or known < 1.0 or light < 0.45 * min(known, other) or light > 1.6 * max(known, other):
+    if light < 1.0 or usual < 1.0 or light < 0.45 * min(usual, other) or light > 1.6 * max(usual, other):
         return False
     slack = 0.05 + 2.0 * noise_ratio * carpet[3] / light
-    blue, red = carpet[0] / known, carpet[2] / known
-    if other != known:
+    blue, red = carpet[0] / usual, carpet[2] / usual
+    if other != usual:
         # between light and shade every tone between the two is carpet
         to_blue, to_red = carpet[5] / other - blue, carpet[7] / other - red
         fraction = (b / light - blue) * to_blue + (r / light - red) * to_red
@@ -256,7 +261,7 @@ def is_carpet(
     to_blue, to_red = blue - GREY, red - GREY
     grey_blue, grey_red = b / light - GREY, r / light - GREY
     saturation = (grey_blue * to_blue + grey_red * to_red) / max(to_blue * to_blue + to_red * to_red, 1e-9)
-    saturation = max(saturation, min(min_saturation * max(known / light, 1.0), 1.0))
+    saturation = max(saturation, min(min_saturation * max(usual / light, 1.0), 1.0))
     return bool(abs(grey_blue - saturation * to_blue) < slack and abs(grey_red - saturation * to_red) < slack)
 
 
@@ -264,7 +269,10 @@ def is_carpet(
 def is_carpet_at(
     flat: UInt8Array, at: int, step: int, beside: int, carpet: FloatArray, min_saturation: float = MIN_SATURATION
 ) -> bool:
-    """Whether the mean of nine pixels about one of a flattened picture is the carpet's colour: noise tints the dark."""
+    """Return whether the mean of the nine pixels about pixel `at` of a flattened picture may be the carpet's colour.
+
+    The mean is taken because noise tints dark pixels.
+    """
     blue, green, red = 0, 0, 0
     for i in range(-1, 2):
         for j in range(-1, 2):
@@ -277,7 +285,7 @@ def is_carpet_at(
 
 @compiled(fastmath=True, error_model="numpy")
 def mark_carpet(image: UInt8Array, carpet: FloatArray, rows: int, columns: int, marks: UInt8Array) -> None:
-    """Mark which pixels of an image, so many rows and columns apart, are carpet; `marks` (R, C) is the result."""
+    """Fill in marks (R, C): whether pixels of an image, `rows` and `columns` apart, may be carpet."""
     for i in range(marks.shape[0]):
         for j in range(marks.shape[1]):
             y, x = i * rows, j * columns
@@ -286,7 +294,7 @@ def mark_carpet(image: UInt8Array, carpet: FloatArray, rows: int, columns: int, 
 
 
 def carpet_marks(image: UInt8Array, carpet: FloatArray, rows: int, columns: int) -> UInt8Array:
-    """Return which pixels of an image (H, W, 3), so many rows and columns apart, are carpet: (R, C) uint8, 0 or 1."""
+    """Return whether pixels of an image (H, W, 3), `rows` and `columns` apart, may be carpet: (R, C) uint8, 0 or 1."""
     height, width = image.shape[:2]
     marks = np.zeros((-(-height // rows), -(-width // columns)), dtype=np.uint8)
     mark_carpet(image, carpet, rows, columns, marks)
@@ -294,7 +302,7 @@ def carpet_marks(image: UInt8Array, carpet: FloatArray, rows: int, columns: int)
 
 
 def carpet_ends(image: UInt8Array, horizon_row: int) -> FloatArray:
-    """Return where the carpet ends at the top of columns, as at the foot of a wall, below the horizon.
+    """Return where the carpet ends at the top of image columns below the horizon, as at the foot of a wall.
 
     Returns
     -------
@@ -315,7 +323,7 @@ def carpet_ends(image: UInt8Array, horizon_row: int) -> FloatArray:
 
 @compiled(fastmath=True, error_model="numpy")
 def is_paint(b: float, g: float, r: float, channel: FloatArray, brightness: float) -> bool:
-    """Whether a colour may be a channel's paint: of its hue, or white; any colour may be a grey or black paint."""
+    """Return whether a colour may be a channel's paint, by its hue or whiteness; grey or black paint accepts any."""
     mean = (b + g + r) / 3.0
     if channel[7] > 0.0:
         return bool(min(b, g, r) > MIN_WHITENESS * max(b, g, r) and mean > MIN_PAINT * channel[7] * brightness)

@@ -1,6 +1,6 @@
-"""Poses proposed without a prior: line points against a table of the field's lines.
+"""Proposes poses without a prior: scores them by line points and a table of distances from the field's lines.
 
-All places and headings of a bank are scored by a few points first; the best again by all of them.
+All places and headings of a bank are first scored by a few points; the best are scored again by all points.
 """
 
 from __future__ import annotations
@@ -16,21 +16,21 @@ from robocup_vision.kernels.algebra.distinct import pick_distinct
 from robocup_vision.kernels.model_edges.prediction import on_floor, pose_frame
 
 FIRST_POINTS = 14
-_SAMPLED = 31  # one in so many scores is sampled to bound the best ones
-_FAR_M = 1e3  # from lines, of what lies beside the table
+_SAMPLED = 31  # every 31st score is read to estimate a bound on the best ones
+_FAR_M = 1e3  # distance from lines of what lies beside the table
 
 
 class Bank(NamedTuple):
-    """Prepared once for a field and a camera.
+    """Poses all over a field, and distances from its lines; prepared once.
 
     Parameters
     ----------
     places : (P, 2) float64
         Where the camera may stand, metres: middles of cells of `distance_m`.
     headings : (H,) float64
-        Of its axis, evenly spaced.
+        Headings of its axis, evenly spaced.
     distance_m : (R, C) float32
-        From the nearest line, at cells of the floor; cut off.
+        Distance of each cell of the floor from the nearest line, limited to a maximum.
     origin_m : (2,) float64
         x and y of cell (0, 0)'s middle; rows run along y.
     cell_m : float
@@ -49,7 +49,11 @@ def floor_places(
     points: FloatArray, count: int, lens: FloatArray, tilt: float, roll: float, height_m: float, max_m: float,
     out: FloatArray,
 ) -> int:  # fmt: skip
-    """Put line points on the floor: rows forward, left, tolerance (m), mixed in order."""
+    """Map pixels `points` (N, 3) to the floor; returns the number of rows of `out` (M, 3) that are filled.
+
+    A row is forward and left of the camera's foot, and a tolerance, metres. Points beyond `max_m` are left out. The
+    order is shuffled, so that the first rows are spread over the picture.
+    """
     kept = 0
     stride = max(1, int(0.381966 * count))
     while count > 0 and stride > 1 and math.gcd(stride, count) != 1:
@@ -73,7 +77,10 @@ def floor_places(
 
 @compiled(fastmath=True, error_model="numpy")
 def _misfit(bank: Bank, rows: FloatArray, begin: int, end: int, x: float, y: float, c: float, s: float) -> float:
-    """Return the sum of squared distances from lines in units of the tolerance, each at most 1."""
+    """Return the sum of squared distances of rows `begin` to `end` from lines, in tolerances, each at most 1.
+
+    The pose is x, y and the cosine c and sine s of its heading.
+    """
     total = 0.0
     inverse = 1.0 / bank.cell_m
     last_row, last_column = bank.distance_m.shape[0] - 1, bank.distance_m.shape[1] - 1
@@ -92,22 +99,22 @@ def _misfit(bank: Bank, rows: FloatArray, begin: int, end: int, x: float, y: flo
 
 @compiled
 def _cell(bank: Bank, x: float, y: float) -> tuple[int, int]:
-    """Column and row of the cell that a place lies in."""
+    """Return column and row of the cell that contains a place."""
     column = math.floor((x - bank.origin_m[0]) / bank.cell_m + 0.5)
     return int(column), int(math.floor((y - bank.origin_m[1]) / bank.cell_m + 0.5))
 
 
 @compiled
 def _with_margin(distance_m: Float32Array, margin: int) -> tuple[Float32Array, int]:
-    """Return a table, flat, with so many cells around it that are far from everything, and its columns."""
+    """Return a flattened table with a margin of cells far from all lines, and its number of columns."""
     rows, columns = distance_m.shape
-    wide = columns + 2 * margin
-    table = np.full((rows + 2 * margin) * wide, np.float32(_FAR_M))
+    width = columns + 2 * margin
+    table = np.full((rows + 2 * margin) * width, np.float32(_FAR_M))
     for row in range(rows):
-        begin = (row + margin) * wide + margin
+        begin = (row + margin) * width + margin
         for column in range(columns):
             table[begin + column] = distance_m[row, column]
-    return table, wide
+    return table, width
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -130,7 +137,7 @@ def score_bank(bank: Bank, rows: FloatArray, number: int, scores: FloatArray) ->
         farthest = max(farthest, math.hypot(rows[k, 0], rows[k, 1]))
     margin = int(farthest * inverse) + 2
     table, columns = _with_margin(bank.distance_m, margin)
-    # places are cells: where a point lies from them, as each heading turns it, is the same number of cells everywhere
+    # places are middles of cells: a point turned by a heading is the same number of cells away from each place
     steps, sharpness = np.empty((first, headings), np.int32), np.empty(first)
     for k in range(first):
         sharpness[k] = 1.0 / rows[k, 2]
@@ -143,12 +150,12 @@ def score_bank(bank: Bank, rows: FloatArray, number: int, scores: FloatArray) ->
     for i in range(bank.places.shape[0]):
         x, y = bank.places[i, 0], bank.places[i, 1]
         column, row = _cell(bank, x, y)
-        here = (row + margin) * columns + column + margin
-        # headings side by side: the processor looks up several at once
+        origin = (row + margin) * columns + column + margin
+        # the inner loop is over headings, so that it can be vectorised
         costs[:] = 0.0
         for k in range(first):
             for j in range(headings):
-                d = table[np.uint32(here + steps[k, j])] * sharpness[k]
+                d = table[np.uint32(origin + steps[k, j])] * sharpness[k]
                 costs[j] += min(d * d, 1.0)
         for j in range(headings):
             scores[i, j] = costs[j] * (number / max(first, 1))
@@ -156,7 +163,7 @@ def score_bank(bank: Bank, rows: FloatArray, number: int, scores: FloatArray) ->
 
 @compiled(fastmath=True, error_model="numpy")
 def _score_by_all(bank: Bank, rows: FloatArray, number: int, scores: FloatArray, order: Int64Array) -> FloatArray:
-    """Return scores by all points of the poses at some places of `scores`, an array of places x headings, flat."""
+    """Return scores by all points of the poses at the indices `order` of `scores`, flattened from (P, H)."""
     headings = bank.headings.shape[0]
     full = np.empty(order.shape[0])
     first = min(number, FIRST_POINTS)
@@ -164,22 +171,22 @@ def _score_by_all(bank: Bank, rows: FloatArray, number: int, scores: FloatArray,
         i, j = order[n] // headings, order[n] % headings
         c, s = math.cos(bank.headings[j]), math.sin(bank.headings[j])
         x, y = bank.places[i, 0], bank.places[i, 1]
-        few = _misfit(bank, rows, variable(0), first, x, y, c, s)
+        first_score = _misfit(bank, rows, variable(0), first, x, y, c, s)
         rest = _misfit(bank, rows, first, number, x, y, c, s)
-        full[n] = scores[order[n]] - few * (number / max(first, 1)) + few + rest
+        full[n] = scores[order[n]] - first_score * (number / max(first, 1)) + first_score + rest
     return full
 
 
 def _least(values: FloatArray, count: int) -> Int64Array:
-    """Return the places of the `count` least of some values (N,), and of those equal to the greatest of them."""
-    # a part of them tells a bound that few are below: these alone are sorted
-    some = values[::_SAMPLED]
-    bound = min(2 * count // _SAMPLED + _SAMPLED, len(some) - 1)
-    near = np.flatnonzero(values <= np.partition(some, bound)[bound])
-    if len(near) < count:
-        near = np.arange(len(values))
-    of_near = values[near]
-    return np.asarray(near[of_near <= np.partition(of_near, count - 1)[count - 1]], np.int64)
+    """Return the indices of the `count` least of some values (N,), and of those equal to the greatest of them."""
+    # a sample of the values gives a bound that few lie below: only these are sorted
+    sample = values[::_SAMPLED]
+    bound = min(2 * count // _SAMPLED + _SAMPLED, len(sample) - 1)
+    low = np.flatnonzero(values <= np.partition(sample, bound)[bound])
+    if len(low) < count:
+        low = np.arange(len(values))
+    low_values = values[low]
+    return np.asarray(low[low_values <= np.partition(low_values, count - 1)[count - 1]], np.int64)
 
 
 def best_poses(
@@ -192,7 +199,7 @@ def best_poses(
     apart_rad: float,
     out: FloatArray,
 ) -> int:
-    """Score the best `kept` poses by all points and give those that are apart, the best first.
+    """Score the best `kept` poses by all points, and fill in distinct ones, the best first; returns their number.
 
     NumPy sorts: compiling a sort for this one use takes seconds.
 
@@ -201,16 +208,11 @@ def best_poses(
     bank, rows, number, scores
         As in `score_bank`.
     kept : int
-        How many are scored in full.
+        Number of poses that are scored by all points.
     apart_m, apart_rad : float
-        As of `pick_distinct`.
+        See `pick_distinct`.
     out : (K, 4) float64
         Result: x, y, heading, score.
-
-    Returns
-    -------
-    int
-        How many.
     """
     flat = scores.reshape(-1)
     kept = min(kept, len(flat))

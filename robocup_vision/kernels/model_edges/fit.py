@@ -29,7 +29,7 @@ from robocup_vision.kernels.model_edges.tables import (
     Int64Array,
 )
 
-BINS = 64  # of the histogram of residuals
+BINS = 64  # number of bins of the histogram of residuals
 
 
 class Gates(NamedTuple):
@@ -68,7 +68,7 @@ def msac(
 
 @compiled(fastmath=True, error_model="numpy")
 def choose_mode(buffers: Buffers, count: int, draws: FloatArray, settings: FollowSettings, modes: FloatArray) -> int:
-    """Choose among hypotheses, each of three candidates and the prior.
+    """Find modes by random hypotheses, each the solution for three candidates and the prior; returns their number.
 
     Parameters
     ----------
@@ -79,14 +79,9 @@ def choose_mode(buffers: Buffers, count: int, draws: FloatArray, settings: Follo
     draws : (H, 6) float64
         Numbers in [0, 1): which samples and candidates each hypothesis takes.
     settings : FollowSettings
-        `gate_px` counts.
+        `gate_px` is used.
     modes : (K, 7) float64
-        The best hypothesis and the next best that differ from all before by more than two gates.
-
-    Returns
-    -------
-    int
-        How many modes there are.
+        Result: the best hypothesis and the next best that differ from all before by more than two gates.
     """
     rows, found, gate_px = buffers.rows, buffers.found, settings.gate_px
     sigma_px = 0.5 * gate_px
@@ -98,19 +93,19 @@ def choose_mode(buffers: Buffers, count: int, draws: FloatArray, settings: Follo
             number += 1
     z = np.zeros(UNKNOWNS)
     small, right = np.empty((3, 3)), np.empty(3)
-    pick, at = np.empty(3, dtype=np.int64), np.empty(3)
+    pick, offset = np.empty(3, dtype=np.int64), np.empty(3)
     costs = np.empty(draws.shape[0] + 1)
     tried = np.zeros((draws.shape[0] + 1, UNKNOWNS))
     costs[0] = msac(rows, count, found, z, gate_px, 1e9)
-    made, first = 1, 0
+    tried_count, first = 1, 0
     if number >= 3:
         for h in range(draws.shape[0]):
             for i in range(3):
                 n = usable[int(draws[h, i] * number)]
                 pick[i] = n
-                at[i] = found.offset_px[n, int(draws[h, 3 + i] * found.candidates[n])]
+                offset[i] = found.offset_px[n, int(draws[h, 3 + i] * found.candidates[n])]
             for i in range(3):
-                right[i] = at[i]
+                right[i] = offset[i]
                 for k in range(i + 1):
                     total = 0.0
                     for j in range(UNKNOWNS):
@@ -124,16 +119,16 @@ def choose_mode(buffers: Buffers, count: int, draws: FloatArray, settings: Follo
                 z[j] = rows[pick[0], j] * right[0] + rows[pick[1], j] * right[1] + rows[pick[2], j] * right[2]
             # where one mode is wanted, only the best cost is needed
             max_cost = costs[first] if modes.shape[0] == 1 else 1e9
-            costs[made] = msac(rows, count, found, z, gate_px, max_cost)
+            costs[tried_count] = msac(rows, count, found, z, gate_px, max_cost)
             for j in range(UNKNOWNS):
-                tried[made, j] = z[j]
-            if costs[made] < costs[first]:
-                first = made
-            made += 1
+                tried[tried_count, j] = z[j]
+            if costs[tried_count] < costs[first]:
+                first = tried_count
+            tried_count += 1
     kept = 0
-    for _ in range(made):
+    for _ in range(tried_count):
         least = -1
-        for h in range(made):
+        for h in range(tried_count):
             if costs[h] < 1e8 and (least < 0 or costs[h] < costs[least]):
                 least = h
         if least < 0:
@@ -174,8 +169,8 @@ def _median_size(residual: FloatArray, weight: FloatArray, gate_px: float) -> fl
 
 
 @compiled(fastmath=True, error_model="numpy")
-def _things(feature: Int64Array, count: int) -> int:
-    """Return one more than the greatest number of a line or post; its two edges are neighbouring features."""
+def _object_count(feature: Int64Array, count: int) -> int:
+    """Return one more than the greatest index k of an object (line, post, ...), whose edges are features 2k, 2k+1."""
     last = variable(0)
     for n in range(count):
         last = max(last, feature[n])
@@ -193,7 +188,7 @@ def _gather(
     own2: FloatArray,
     agree: FloatArray,
 ) -> None:
-    """Sum up information (7, 7) and gradient (7,) of the weighted residuals, and in `agree` the weights of each thing.
+    """Compute information (7, 7) and gradient (7,) of the weighted residuals, and each object's weight in `agree`.
 
     Samples of one edge share the error of lens, paint and tape. Their covariance is that of their own noise and of a
     common offset; its inverse is that of the noise less a matrix of rank one. A sample may be stray: it may lie on
@@ -216,9 +211,9 @@ def _gather(
             continue
         if n == count or samples.feature[n] != feature:
             shared2 = 0.0 if feature < 0 else shared_variance(noise, agree[feature >> 1], off2[feature >> 1])
-            factor_ = shared2 / (1.0 + shared2 * common_weight)
+            ratio = shared2 / (1.0 + shared2 * common_weight)
             for i in range(UNKNOWNS):
-                a = factor_ * common[i]
+                a = ratio * common[i]
                 gradient[i] -= a * common_residual
                 for j in range(i + 1):
                     information[i, j] -= a * common[j]
@@ -257,9 +252,9 @@ def robust_fit(
     count : int
         Samples in use.
     settings : FollowSettings
-        The noise counts.
+        The noise, `gate_px`, `stray_ratio` and `sharp_gates` are used.
     gates : Gates
-        One gate a step.
+        One gate for each step.
     z0 : (7,) float64
         The prior's mean, in the unknowns whose origin is where the samples were predicted.
     z : (7,) float64
@@ -268,23 +263,24 @@ def robust_fit(
     Returns
     -------
     int, float, bool
-        Inliers of the narrowest given gate, root mean square of their residuals, whether it was solvable.
+        Number of inliers of the narrowest given gate, root mean square of their residuals (pixels), and whether the
+        equations could be solved.
     """
     rows, found = buffers.rows, buffers.found
     information, gradient = buffers.information, buffers.gradient
     system, step = np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS)
     weight, residual = np.empty(count), np.empty(count)
     inliers, rms, scale = 0, 0.0, 1.0
-    given = gates.width_px.shape[0]
-    narrowest = gates.width_px[given - 1]
+    gate_count = gates.width_px.shape[0]
+    narrowest = gates.width_px[gate_count - 1]
     gate = narrowest
     stray_px = settings.gate_px / math.sqrt(3.0)
-    is_doubting = settings.stray_ratio > 0.0 and gates.sharp_steps > 0
-    off2 = np.zeros(_things(buffers.samples.feature, count))
+    allows_strays = settings.stray_ratio > 0.0 and gates.sharp_steps > 0
+    off2 = np.zeros(_object_count(buffers.samples.feature, count))
     agree, own2, crossed = np.empty(off2.shape[0]), np.zeros(count), np.zeros(count, np.bool_)
-    for turn in range(given + gates.sharp_steps + 1):
-        if turn < given:
-            gate = gates.width_px[turn]
+    for iteration in range(gate_count + gates.sharp_steps + 1):
+        if iteration < gate_count:
+            gate = gates.width_px[iteration]
         inliers, total = 0, 0.0
         for n in range(count):
             weight[n] = 0.0
@@ -299,23 +295,23 @@ def robust_fit(
             if abs(r) < narrowest:
                 inliers += 1
                 total += r * r / doubt
-            wide = min(gate * math.sqrt(doubt), narrowest) if doubt > 1.0 else gate
-            if abs(r) < wide:
-                t = 1.0 - (r / wide) ** 2
+            sample_gate = min(gate * math.sqrt(doubt), narrowest) if doubt > 1.0 else gate
+            if abs(r) < sample_gate:
+                t = 1.0 - (r / sample_gate) ** 2
                 weight[n], residual[n] = t * t, r
         rms = math.sqrt(total / inliers) if inliers else 0.0
-        if turn == given - 1 and is_doubting:
+        if iteration == gate_count - 1 and allows_strays:
             find_crossed(buffers, count, settings, z, settings.sigma_px * scale, weight, crossed)
-        if turn >= given - 1:
+        if iteration >= gate_count - 1:
             for n in range(count):
                 if crossed[n]:
                     weight[n] = 0.0
         scale = max(1.0, 1.48 * _median_size(residual, weight, gate) / settings.sigma_px)
         noise = Noise(settings.sigma_px * scale, settings.shared_px * scale, stray_px, settings.stray_ratio)
         _gather(buffers, count, weight, residual, noise, off2, own2, agree)
-        if turn == given + gates.sharp_steps:
+        if iteration == gate_count + gates.sharp_steps:
             break
-        if turn >= given - 1 and gates.sharp_steps > 0:
+        if iteration >= gate_count - 1 and gates.sharp_steps > 0:
             gate = min(narrowest, settings.sharp_gates * noise.sample_px)
         for i in range(UNKNOWNS):
             step[i] = gradient[i] - (z[i] - z0[i])
@@ -324,7 +320,7 @@ def robust_fit(
             system[i, i] += 1.0
         if not factor(system, UNKNOWNS):
             return inliers, rms, False
-        if turn == given - 1 and is_doubting:
+        if iteration == gate_count - 1 and allows_strays:
             off_the_rest(buffers, count, weight, residual, noise, system, agree, off2)
             off_alone(buffers, count, weight, residual, noise, system, agree, off2, own2)
         substitute(system, UNKNOWNS, step)

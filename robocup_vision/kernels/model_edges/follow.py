@@ -1,4 +1,4 @@
-"""One frame followed: predict, search, choose the mode, fit, and gather what the verdict needs."""
+"""Follows one frame: predicts edges, searches them, chooses the mode, fits it, and gathers the verdict's figures."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from robocup_vision.kernels.model_edges.tables import (
 )
 from robocup_vision.kernels.model_edges.verdict import explained, judge, log_odds, log_std
 
-MODES = 5  # looked at before giving up
+MODES = 5  # greatest number of modes that are examined in a frame
 NO_FIT = -1e9  # score of a mode that cannot be fitted
 CARPET_LIGHT = 225.0  # sum of blue, green and red of the carpet in the nominal light
 
 
 @compiled(fastmath=True, error_model="numpy")
 def brightness(carpet: FloatArray) -> float:
-    """Return the light of a picture relative to that of the nominal colours, by its carpet; in the shade, if any.
+    """Return the light of a picture relative to that of the nominal colours, by its carpet.
 
-    Lines in the shade are fainter; lines in glare are hardly brighter than the carpet.
+    Of a carpet in sun and shade it is that of the shade, in which lines are fainter.
     """
     light = min(carpet[0] + carpet[1] + carpet[2], other_light(carpet))
     return float(min(max(light / CARPET_LIGHT, 0.15), 1.6))
@@ -52,14 +52,14 @@ def prepare(
     sway: FloatArray,
     into: Prior,
 ) -> bool:
-    """Join the prior of the pose with that of the camera's orientation.
+    """Join the priors of pose and camera orientation; returns whether the covariance is positive definite.
 
     Parameters
     ----------
     pose : (3,) float64
         x, y, heading.
     covariance : (3, 3) float64
-        Of these.
+        Covariance of `pose`.
     camera_prior : (2, 4) float64
         Tilt, roll, height and logarithm of focal length at rest, and their standard deviations.
     keep : (4,) float64
@@ -68,11 +68,6 @@ def prepare(
         In: the deviations from rest in the last frame, and their variances. Out: those expected now.
     into : Prior
         Result.
-
-    Returns
-    -------
-    bool
-        Whether the covariance has a root.
     """
     prior, root = into.mean, into.root
     for i in range(3):
@@ -104,34 +99,25 @@ def follow(
     most_modes: int,
     knows_carpet: bool,
 ) -> bool:
-    """Fit one frame to what a prior lets it show; the tuples may be plain.
+    """Fit the unknowns to one frame under a prior, and return whether there was anything to fit.
 
     Parameters
     ----------
     image : (H, W, 3) uint8
         BGR.
-    scene : Scene
-        Field, lens and draws.
-    prior : Prior
-        Of the unknowns.
-    settings : FollowSettings
-        Numbers.
+    scene, prior, settings
+        See `Scene`, `Prior` and `FollowSettings`. All named tuples may be plain tuples.
     buffers : Buffers
-        To work in; holds the fit's samples, findings and line points afterwards.
+        Scratch; contains the fit's samples, findings and line points afterwards.
     fit : Fit
         Result.
     most_modes : int
-        How many modes are looked at, at most `MODES`.
+        Greatest number of modes that are examined.
     knows_carpet : bool
-        Whether `fit.carpet` is of this image already, seen with about the same tilt.
-
-    Returns
-    -------
-    bool
-        Whether there was anything to fit.
+        Whether `fit.carpet` has already been computed from this image, with about the same tilt.
     """
     edges = FieldEdges(*scene[0])
-    of_buffers = Buffers(
+    own_buffers = Buffers(
         Samples(*buffers[0]), Findings(*buffers[1]), buffers[2], buffers[3], buffers[4], buffers[5], buffers[6]
     )
     return _follow(
@@ -139,7 +125,7 @@ def follow(
         Scene(edges, scene[1], scene[2]),
         Prior(*prior),
         FollowSettings(*settings),
-        of_buffers,
+        own_buffers,
         Fit(*fit),
         most_modes,
         knows_carpet,
@@ -165,36 +151,36 @@ def _follow(
     light = brightness(fit.carpet)
     # choosing the best mode alone is faster, and most frames need no other
     modes = np.zeros((1, UNKNOWNS))
-    looked, kept = propose(image, scene, prior, settings, buffers, fit.carpet, light, modes)
+    looked_at, kept = propose(image, scene, prior, settings, buffers, fit.carpet, light, modes)
     if kept == 0:
         return False
-    # with much in view, a wider spacing loses nothing
-    spacing_px = max(settings.spacing_px, settings.coarse_spacing_px * looked / settings.ample_samples)
+    # with much in view a wider spacing gives enough samples
+    spacing_px = max(settings.spacing_px, settings.coarse_spacing_px * looked_at / settings.ample_samples)
     z = modes[0].copy()
-    # modes of one prior differ little in how wide a line is in the picture
+    # the line points of the first mode serve all modes, which differ little in the width of a line in the picture
     moved(prior, z, fit.unknowns)
     least = 0.5 * settings.min_ratio * scene.field.channels[0, 3] * light
     look = LineLook(
         max(least, 5.0 * fit.carpet[3]), settings.line_width_m, settings.max_line_widths, settings.point_stride
     )
     points = line_points(image, scene.lens, fit.unknowns, fit.carpet, look, buffers.points)
-    clear, best_score = _assess(image, scene, prior, settings, spacing_px, buffers, points, fit, light, z)
-    if not clear and most_modes > 1:
+    is_decided, best_score = _assess(image, scene, prior, settings, spacing_px, buffers, points, fit, light, z)
+    if not is_decided and most_modes > 1:
         modes = np.zeros((most_modes, UNKNOWNS))
         _, kept = propose(image, scene, prior, settings, buffers, fit.carpet, light, modes)
-        # proposing again has overwritten the samples of the first
+        # `propose` has overwritten the samples of the first mode
         best, last = variable(0), variable(-1)
         for k in range(1, kept):
             for j in range(UNKNOWNS):
                 z[j] = modes[k, j]
-            clear, score = _assess(image, scene, prior, settings, spacing_px, buffers, points, fit, light, z)
+            is_decided, score = _assess(image, scene, prior, settings, spacing_px, buffers, points, fit, light, z)
             last = k
             if score > best_score:
                 best, best_score = k, score
-                if clear:
+                if is_decided:
                     break
         if best != last:
-            # the buffers must hold the samples of the best
+            # the buffers must contain the samples of the best mode
             for j in range(UNKNOWNS):
                 z[j] = modes[best, j]
             _assess(image, scene, prior, settings, spacing_px, buffers, points, fit, light, z)
@@ -214,12 +200,12 @@ def _assess(
     light: float,
     z: FloatArray,
 ) -> tuple[bool, float]:
-    """Refine a mode and weigh it, with the line points of the picture.
+    """Refine a mode, and compute its figures and log odds with the line points of the picture.
 
     Returns
     -------
     bool, float
-        Whether no other mode needs a look, and the mode's log odds; `NO_FIT` if it cannot be fitted.
+        Whether no other mode needs to be examined, and the mode's log odds; `NO_FIT` if it cannot be fitted.
     """
     figures, step = fit.figures, np.empty(UNKNOWNS)
     count, inliers, rms, ok = refine(image, scene, prior, settings, spacing_px, buffers, fit.carpet, light, z, step)
@@ -230,17 +216,17 @@ def _assess(
     seen, missing, upright, hidden = judge(image, fit.carpet, settings, buffers, count, step)
     moved(prior, z, fit.unknowns)
     silent, lens = scene.field.silent, scene.lens
-    right, neutral = explained(buffers, points, count, step, spacing_px, settings.gate_px, silent, lens, fit.unknowns)
-    far = 0.0
+    matched, neutral = explained(buffers, points, count, step, spacing_px, settings.gate_px, silent, lens, fit.unknowns)
+    prior_distance2 = 0.0
     for j in range(UNKNOWNS):
-        far += z[j] * z[j]
+        prior_distance2 += z[j] * z[j]
     figures[0], figures[1], figures[2], figures[3] = count, looked_for(buffers, count), seen, missing
-    figures[4], figures[5], figures[6] = inliers, rms, far
-    figures[7], figures[8] = points - neutral, right
+    figures[4], figures[5], figures[6] = inliers, rms, prior_distance2
+    figures[7], figures[8] = points - neutral, matched
     figures[9], figures[10] = _edges_found(buffers, count), position_std(fit.information)
     figures[11], figures[12] = upright, hidden
     odds = log_odds(figures, settings.weights)
-    # a frame that leaves the position open says nothing against the mode
+    # that a frame leaves the position open does not contradict the mode
     if_fixed = odds + settings.weights[8] * (log_std(0.0) - log_std(figures[10]))
     figures[13], figures[14] = odds, if_fixed
     return if_fixed >= settings.sure_log_odds, odds

@@ -1,4 +1,4 @@
-"""What a fit gives in the unknowns' own units: its covariance, and the pose's information by the frame alone.
+"""Converts a fit into the unknowns' own units: its covariance, and the pose's information by the frame alone.
 
 A fit is made in standard normal unknowns z: unknowns p = mean + root z, with the lower triangular root of the prior.
 """
@@ -15,26 +15,21 @@ from robocup_vision.kernels.model_edges.tables import UNKNOWNS, FloatArray
 
 POSE = 3  # x, y and heading lead the unknowns
 REST = UNKNOWNS - POSE
-SWEEPS = 6  # of Jacobi's rotations: what is left beside the diagonal of three rows is then below rounding
+SWEEPS = 6  # sweeps of Jacobi rotations: the rest beside the diagonal of a 3 x 3 matrix is then below rounding
 
 
 @compiled(fastmath=True, error_model="numpy")
 def covariance_with_prior(root: FloatArray, information: FloatArray, covariance: FloatArray) -> bool:
-    """Fill in root (I + information)^-1 root^T.
+    """Fill in root (I + information)^-1 root^T; returns whether the system is positive definite.
 
     Parameters
     ----------
     root : (7, 7) float64
-        Of the prior; only its lower triangle is read.
+        Root of the prior's covariance; only its lower triangle is read.
     information : (7, 7) float64
-        Of z, by the measurements alone.
+        Information about z by the measurements alone.
     covariance : (7, 7) float64
-        Result, of the unknowns.
-
-    Returns
-    -------
-    bool
-        Whether the system is definite.
+        Result: covariance of the unknowns.
     """
     size = UNKNOWNS
     system, column = np.empty((size, size)), np.empty(size)
@@ -65,27 +60,24 @@ def pose_alone(
     pose_information: FloatArray,
     pose_gradient: FloatArray,
 ) -> bool:
-    """Fill in what the measurements alone say about x, y and heading; the other unknowns keep their prior.
+    """Fill in information and gradient of x, y and heading by the measurements alone; the rest keeps its prior.
+
+    Returns whether the system of the other unknowns is positive definite.
 
     Parameters
     ----------
     root : (7, 7) float64
-        Of the prior, lower triangular.
+        Root of the prior's covariance, lower triangular.
     z : (7,) float64
         The fit.
     information : (7, 7) float64
-        Of z, by the measurements alone.
+        Information about z by the measurements alone.
     gradient : (7,) float64
-        Of the measurements' log-likelihood by z, at the fit.
+        Gradient of the measurements' log-likelihood by z, at the fit.
     pose_information : (3, 3) float64
-        Result, of x, y and heading.
+        Result: information about x, y and heading.
     pose_gradient : (3,) float64
-        Result: of that log-likelihood by them.
-
-    Returns
-    -------
-    bool
-        Whether the system of the other unknowns is definite.
+        Result: gradient of that log-likelihood by them.
     """
     marginal, slope = np.empty((POSE, POSE)), np.empty(POSE)
     if not _leave_out_rest(z, information, gradient, marginal, slope):
@@ -147,7 +139,10 @@ def _leave_out_rest(
 
 @compiled(fastmath=True, error_model="numpy")
 def position_std(information: FloatArray) -> float:
-    """Return the greatest standard deviation of x and y, heading open, by an information matrix (3, 3); at most 9."""
+    """Return the greatest standard deviation (m) of the position by an information matrix (3, 3); at most 9.
+
+    The heading is marginalised without a prior.
+    """
     turn = max(information[2, 2], 1e-9)
     a = information[0, 0] - information[0, 2] * information[0, 2] / turn
     b = information[0, 1] - information[0, 2] * information[1, 2] / turn
@@ -189,13 +184,13 @@ def frame_alone(
     Parameters
     ----------
     information : (3, 3) float64
-        Of x (m), y (m) and heading (rad), without the prior; may be singular.
+        Information about x (m), y (m) and heading (rad) without the prior; may be singular.
     gradient : (3,) float64
-        Of the log-likelihood at the fit.
+        Gradient of the log-likelihood at the fit.
     open_std : float
-        A direction known to no less than this is open; a turn of one radian counts as a way of one metre.
+        A direction with a greater standard deviation is open; one radian counts as one metre.
     covariance : (3, 3) float64
-        Result: of the frame alone, open directions with that error.
+        Result: covariance by the frame alone; open directions have this standard deviation.
 
     Returns
     -------

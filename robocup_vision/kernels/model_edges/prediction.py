@@ -1,7 +1,7 @@
-"""Where a pose lets the field's edges show in the picture: samples with normals and derivatives.
+"""Predicts where the field's edges appear in the picture from a pose: samples with normals and derivatives.
 
-A silhouette's point slides along its cylinder as the camera moves, but only along the ray, which the picture does not
-show: its derivatives are those of a fixed point (after Harris' RAPiD, 1990, which tracked corners of known shapes).
+A silhouette's point slides along its cylinder as the camera moves, but to first order only along its ray, which the
+picture does not show. So its derivatives are those of a fixed point (after Harris, RAPiD, 1990).
 """
 
 from __future__ import annotations
@@ -24,18 +24,19 @@ from robocup_vision.kernels.model_edges.tables import (
 )
 
 NEAR_M = 0.05
-MIN_DOWN = 0.02  # of a ray, downwards: what is nearer the horizon is not read
+MIN_DOWN = 0.02  # least downward component of a ray to the floor: what is nearer to the horizon is not used
 RING_POINTS = 5
 THIN_PX = 4.0
-MIN_RADIUS_PX = 12.0  # of a curve: three times what is read on both sides of a thin line
-# along a curve: where it is not sampled, and at most
+# least radius of curvature of a sampled curve in the picture: three times what is read on both sides of a thin line
+MIN_RADIUS_PX = 12.0
+# steps along a curve: over a part that is not sampled, and the greatest
 ARC_STEP_RAD, MAX_ARC_STEP_RAD = 0.06, 0.25
 Triple = tuple[float, float, float]
 
 
 @compiled(fastmath=True, error_model="numpy")
 def pose_frame(p: FloatArray, lens: FloatArray, frame: FloatArray) -> None:
-    """Prepare projection: frame (16,) takes rotation by rows, viewpoint, focal lengths, heading's sine, cosine."""
+    """Fill in frame (16,): rotation by rows, viewpoint, focal lengths, sine and cosine of the heading."""
     rows = camera_axes(p[2], p[3], p[4])
     for i in range(3):
         for j in range(3):
@@ -48,7 +49,7 @@ def pose_frame(p: FloatArray, lens: FloatArray, frame: FloatArray) -> None:
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def ray(lens: FloatArray, frame: FloatArray, u: float, v: float) -> Triple:
-    """Return the direction, field frame, in which a pixel looks; its length along the axis is 1."""
+    """Return the direction of a pixel's ray, field frame; its component along the optical axis is 1."""
     right, down = slopes_at(lens, u, v)
     right, down = right * lens[0] / frame[12], down * lens[1] / frame[13]
     return (
@@ -60,7 +61,10 @@ def ray(lens: FloatArray, frame: FloatArray, u: float, v: float) -> Triple:
 
 @compiled(fastmath=True, error_model="numpy")
 def on_floor(lens: FloatArray, frame: FloatArray, u: float, v: float) -> tuple[float, float, bool]:
-    """Return where a pixel shows the floor, from below the camera, and whether it does; frame as of `pose_frame`."""
+    """Return the floor point x, y (m) at a pixel, and whether it shows the floor.
+
+    The point is relative to the camera's foot, along the field's axes. `frame` is as `pose_frame` fills it.
+    """
     x, y, up = ray(lens, frame, u, v)
     if up > -MIN_DOWN:
         return 0.0, 0.0, False
@@ -70,7 +74,7 @@ def on_floor(lens: FloatArray, frame: FloatArray, u: float, v: float) -> tuple[f
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def _turned(frame: FloatArray, x: float, y: float, z: float) -> Triple:
-    """Return a vector of the field along the camera's axes: ahead, left, up."""
+    """Rotate a vector from the field frame into the camera's: ahead, left, up."""
     return (
         frame[0] * x + frame[3] * y + frame[6] * z,
         frame[1] * x + frame[4] * y + frame[7] * z,
@@ -91,9 +95,10 @@ def _emit(
     out: Samples,
     count: int,
 ) -> int:
-    """Add a sample of edge rows[n], as one of `FieldEdges.segments`; returns the new count.
+    """Add a sample of the edge rows[n], a row like those of `FieldEdges.segments`; returns the new count.
 
-    Its place as seen from the camera, the edge's direction and that of its inside are along the camera's axes.
+    `at` is its place from the camera, `along` the edge's direction, `inside` that of its inside, all in the camera
+    frame. A line wide enough to show two edges gets a sample of each.
     """
     room = out.width_px.shape[0] - 1
     depth, left, up = at
@@ -140,15 +145,15 @@ def _emit(
     by_tilt = (jx * c + jy * s) * dz - jz * (s * dy + c * dx)
     by_roll = j1 * up - j2 * left
     by_focal = nu * (u - lens[2]) + nv * (v - lens[3])
-    # a line that is a ridge when narrow has two edges when wide, each with its own inside
+    # a narrow line is a ridge; a wide one has two edges, each with its own inside
     for k in range(2 if is_wide else 1):
         if count >= room:
             return count
-        turn, half = 1.0 - 2.0 * k, 0.0
+        sign, half = 1.0 - 2.0 * k, 0.0
         eu, ev = u, v
         if is_wide:
             # the near edge of a line lies half a width against the direction of its inside
-            half = 0.5 * width_m * turn
+            half = 0.5 * width_m * sign
             ahead = depth - half * inside[0]
             if ahead < NEAR_M:
                 continue
@@ -162,12 +167,12 @@ def _emit(
         out.point_m[i, 1] = frame[10] + dy - half * rows[m, 7]
         out.point_m[i, 2] = frame[11] + dz - half * rows[m, 8]
         out.uv[i, 0], out.uv[i, 1] = eu, ev
-        out.normal[i, 0], out.normal[i, 1] = turn * nu, turn * nv
-        out.jacobian[i, 0], out.jacobian[i, 1], out.jacobian[i, 5] = -turn * jx, -turn * jy, -turn * jz
-        out.jacobian[i, 2] = turn * by_heading
-        out.jacobian[i, 3] = turn * by_tilt
-        out.jacobian[i, 4] = turn * by_roll
-        out.jacobian[i, 6] = turn * by_focal
+        out.normal[i, 0], out.normal[i, 1] = sign * nu, sign * nv
+        out.jacobian[i, 0], out.jacobian[i, 1], out.jacobian[i, 5] = -sign * jx, -sign * jy, -sign * jz
+        out.jacobian[i, 2] = sign * by_heading
+        out.jacobian[i, 3] = sign * by_tilt
+        out.jacobian[i, 4] = sign * by_roll
+        out.jacobian[i, 6] = sign * by_focal
         out.width_px[i] = width_px
         out.expected[i] = channels[channel, 3]
         out.channel[i] = channel
@@ -187,7 +192,7 @@ def _angle_between(a: Triple, b: Triple) -> float:
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def _clip(frame: FloatArray, lens: FloatArray, a: Triple, b: Triple) -> Triple:
-    """Clip a segment to what the camera sees, its ends along the camera's axes: fractions, and the length in px."""
+    """Clip a segment, whose ends are in the camera frame, to the view; returns fractions and the length in pixels."""
     low, high = 0.0, 1.0
     # planes of the view: what lies inside is positive
     wide, tall = lens[WIDE], lens[TALL]
@@ -207,7 +212,7 @@ def _clip(frame: FloatArray, lens: FloatArray, a: Triple, b: Triple) -> Triple:
     if high <= low:
         return 0.0, 0.0, 0.0
     if lens[BENT] != 0.0:
-        # a bent lens shows equal angles about equally long
+        # a lens with distortion shows equal angles with about equal lengths
         near = a[0] + low * (b[0] - a[0]), a[1] + low * (b[1] - a[1]), a[2] + low * (b[2] - a[2])
         far = a[0] + high * (b[0] - a[0]), a[1] + high * (b[1] - a[1]), a[2] + high * (b[2] - a[2])
         return low, high, math.sqrt(frame[12] * frame[13]) * _angle_between(near, far)
@@ -227,7 +232,7 @@ def _segments(
     spacing_px: float,
     out: Samples,
 ) -> int:
-    """Sample straight edges (N, 14), so many of them, evenly in the image; returns how many samples these are."""
+    """Sample the first `number` straight edges (N, 14) evenly in the image; returns the number of samples."""
     count = variable(0)
     x, y, z = frame[9], frame[10], frame[11]
     for n in range(number):
@@ -240,18 +245,18 @@ def _segments(
         along = b[0] - a[0], b[1] - a[1], b[2] - a[2]
         near, far = a[0] + low * along[0], a[0] + high * along[0]
         parts = max(int(length / spacing_px), 1)
-        step, turn = 1.0 / parts, 0.0
+        step, angle_rad = 1.0 / parts, 0.0
         if lens[BENT] != 0.0:
-            turn = length / math.sqrt(frame[12] * frame[13])
+            angle_rad = length / math.sqrt(frame[12] * frame[13])
             near = math.sqrt(near**2 + (a[1] + low * along[1]) ** 2 + (a[2] + low * along[2]) ** 2)
             far = math.sqrt(far**2 + (a[1] + high * along[1]) ** 2 + (a[2] + high * along[2]) ** 2)
         for k in range(parts):
             t = (k + 0.5) * step
-            # evenly in the image: fractions are weighted with the other end's depth, or for a bent lens evenly by
-            # angle, with its distance
+            # evenly in the image: each fraction is weighted with the other end's depth; with distortion evenly by
+            # angle: the sines of the angles are weighted with the other end's distance
             begin, end = 1.0 - t, t
             if lens[BENT] != 0.0:
-                begin, end = math.sin(begin * turn), math.sin(end * turn)
+                begin, end = math.sin(begin * angle_rad), math.sin(end * angle_rad)
             s = low + (high - low) * end * near / (begin * far + end * near)
             at = a[0] + s * along[0], a[1] + s * along[1], a[2] + s * along[2]
             count = _emit(frame, lens, channels, at, along, inside, rows, n, out, count)
@@ -260,9 +265,9 @@ def _segments(
 
 @compiled(fastmath=True, error_model="numpy")
 def _silhouettes(field: FieldEdges, frame: FloatArray, rows: FloatArray, count: int) -> int:
-    """Add the edges that cylinders, corners and bars show a viewpoint to rows (K, 14), like `FieldEdges.segments`.
+    """Append the silhouettes of cylinders, corners and bars from a viewpoint to rows (K, 14).
 
-    Takes how many rows there are, and returns how many there are then.
+    Rows are like those of `FieldEdges.segments`. `count` is their number before; the new number is returned.
     """
     corners = field.corners
     for n in range(corners.shape[0]):
@@ -276,39 +281,39 @@ def _silhouettes(field: FieldEdges, frame: FloatArray, rows: FloatArray, count: 
         row[9], row[10], row[11], row[12], row[13] = corners[n, 8], corners[n, 4], corners[n, 5], UPRIGHT, 0.0
         count += 1
     for n in range(field.cylinders.shape[0] + field.bars.shape[0]):
-        level = n >= field.cylinders.shape[0]
-        known = field.bars[n - field.cylinders.shape[0]] if level else field.cylinders[n]
-        radius = known[4] if level else known[2]
-        dx = known[0] - frame[9]
-        da = known[3] - frame[11] if level else known[1] - frame[10]
+        is_level = n >= field.cylinders.shape[0]
+        solid = field.bars[n - field.cylinders.shape[0]] if is_level else field.cylinders[n]
+        radius = solid[4] if is_level else solid[2]
+        dx = solid[0] - frame[9]
+        da = solid[3] - frame[11] if is_level else solid[1] - frame[10]
         away2 = dx * dx + da * da
         if away2 < 2.25 * radius * radius:
             continue
-        if not level and dx * frame[15] + da * frame[14] < -radius:
+        if not is_level and dx * frame[15] + da * frame[14] < -radius:
             continue
         away = math.sqrt(away2)
-        half = radius / away
-        rest = math.sqrt(1.0 - half * half)
+        sine = radius / away
+        cosine = math.sqrt(1.0 - sine * sine)
         for k in range(2):
             side = 1.0 - 2.0 * k
-            # from the axis to where the ray touches: nearly across, a little towards the camera
-            ox = -dx / away * half - side * da / away * rest
-            oa = -da / away * half + side * dx / away * rest
+            # unit vector from the axis to where the ray touches the surface: nearly across, a little towards the camera
+            ox = -dx / away * sine - side * da / away * cosine
+            oa = -da / away * sine + side * dx / away * cosine
             row = rows[count]
-            row[0] = known[0] + radius * ox
+            row[0] = solid[0] + radius * ox
             row[3] = row[0]
             row[6] = -ox
-            if level:
-                row[1], row[4] = known[1], known[2]
-                row[2] = known[3] + radius * oa
+            if is_level:
+                row[1], row[4] = solid[1], solid[2]
+                row[2] = solid[3] + radius * oa
                 row[5] = row[2]
                 row[7], row[8] = 0.0, -oa
             else:
-                row[1] = known[1] + radius * oa
+                row[1] = solid[1] + radius * oa
                 row[4] = row[1]
-                row[2], row[5] = known[3], known[4]
+                row[2], row[5] = solid[3], solid[4]
                 row[7], row[8] = -oa, 0.0
-            row[9], row[10], row[11], row[12], row[13] = 2.0 * radius, known[5], known[6] + k, UPRIGHT, 0.0
+            row[9], row[10], row[11], row[12], row[13] = 2.0 * radius, solid[5], solid[6] + k, UPRIGHT, 0.0
             count += 1
     return count
 
@@ -326,19 +331,19 @@ def _arcs(
 ) -> int:
     """Sample curved lines evenly in the image; rows[n] is overwritten. Returns the new count.
 
-    Where a curve bends so sharply that the profile across it is not that of a straight line, it is not sampled.
+    A curve is not sampled where it bends so sharply that its profile differs from that of a straight line.
     """
     row, arcs, fu, fv = rows[n], field.arcs, frame[12], frame[13]
     row[8], row[12], row[13] = 0.0, ON_FLOOR, 1.0
     for m in range(arcs.shape[0]):
-        radius, way = arcs[m, 2], math.copysign(1.0, arcs[m, 4])
+        radius, direction = arcs[m, 2], math.copysign(1.0, arcs[m, 4])
         middle = _turned(frame, arcs[m, 0] - frame[9], arcs[m, 1] - frame[10], -frame[11])
         row[9], row[10], row[11] = arcs[m, 5], arcs[m, 6], arcs[m, 7]
-        # at its ends an arc may go on as a straight line
-        turned, end = 0.5 * ARC_STEP_RAD, abs(arcs[m, 4]) - 0.5 * ARC_STEP_RAD
-        left_px = 0.0
-        while turned <= end:
-            ox, oy = math.cos(arcs[m, 3] + way * turned), math.sin(arcs[m, 3] + way * turned)
+        # no samples at its very ends: a straight line may continue the arc
+        angle, end = 0.5 * ARC_STEP_RAD, abs(arcs[m, 4]) - 0.5 * ARC_STEP_RAD
+        remaining_px = 0.0
+        while angle <= end:
+            ox, oy = math.cos(arcs[m, 3] + direction * angle), math.sin(arcs[m, 3] + direction * angle)
             out_d, out_l, out_u = _turned(frame, radius * ox, radius * oy, 0.0)
             depth, left, up = middle[0] + out_d, middle[1] + out_l, middle[2] + out_u
             speed_px, is_straight = 0.0, False
@@ -356,16 +361,16 @@ def _arcs(
                     speed_px = math.sqrt(speed2)
                     is_straight = speed_px * speed2 >= MIN_RADIUS_PX * fu * fv * abs(a1 * b2 - a2 * b1)
             if not is_straight:
-                turned, left_px = turned + ARC_STEP_RAD, 0.0
+                angle, remaining_px = angle + ARC_STEP_RAD, 0.0
                 continue
-            if left_px <= 0.0:
+            if remaining_px <= 0.0:
                 at, along, inside = (depth, left, up), (d1, l1, u1), (out_d / radius, out_l / radius, out_u / radius)
                 row[6], row[7] = ox, oy
                 count = _emit(frame, lens, field.channels, at, along, inside, rows, n, out, count)
-                left_px = spacing_px
-            step = min(left_px / speed_px, MAX_ARC_STEP_RAD)
-            turned += step
-            left_px -= step * speed_px * 1.0001
+                remaining_px = spacing_px
+            step = min(remaining_px / speed_px, MAX_ARC_STEP_RAD)
+            angle += step
+            remaining_px -= step * speed_px * 1.0001
     return count
 
 
@@ -397,26 +402,20 @@ def _rings(
 
 @compiled(fastmath=True, error_model="numpy")
 def predict(field: FieldEdges, lens: FloatArray, p: FloatArray, spacing_px: float, out: Samples) -> int:
-    """Sample all edges of the field that the camera sees from a pose.
+    """Sample all edges of the field that the camera sees from a pose; returns the number of samples.
 
     Parameters
     ----------
     field : FieldEdges
         The field.
     lens : (L,) float64
-        fu, fv, centre u, v, width, height, and what bends straight lines: `camera.lens_table`
-        slope, greatest slopes along u and v.
+        See `camera.lens_table`.
     p : (7,) float64
-        The unknowns.
+        The unknowns, see `tables`.
     spacing_px : float
-        Between samples.
+        Distance between samples.
     out : Samples
-        Result.
-
-    Returns
-    -------
-    int
-        How many.
+        Result; samples beyond its size are left out.
     """
     frame = np.empty(16)
     pose_frame(p, lens, frame)

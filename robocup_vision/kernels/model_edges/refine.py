@@ -1,4 +1,4 @@
-"""Proposes modes near a prior, and moves one to where its edges are: predicted and searched for anew until it stays."""
+"""Proposes modes near a prior, and refines one: its edges are predicted and searched again until the fit converges."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MIN_SEARCHES, MAX_SEARCHES, ROUGHER = 1.2, 4.0, 2.0
 
 @compiled(fastmath=True, error_model="numpy")
 def moved(prior: Prior, z: FloatArray, p: FloatArray) -> None:
-    """Fill in the unknowns (7,) that belong to standard normal ones (7,) about the prior's mean."""
+    """Fill in the unknowns p (7,) that belong to standard normal ones z (7,) about the prior's mean."""
     for i in range(UNKNOWNS):
         p[i] = prior.mean[i]
         for j in range(i + 1):
@@ -54,7 +54,7 @@ def propose(
     light: float,
     modes: FloatArray,
 ) -> tuple[int, int]:
-    """Predict few samples, search for them in all of the prior's reach, and choose and fit modes (K, 7) by them.
+    """Predict coarsely spaced samples, search them within the prior's range, and choose and fit modes (K, 7) by them.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def propose(
     Returns
     -------
     int, int
-        Samples that could be looked for, and modes.
+        Numbers of samples that could be looked for, and of modes.
     """
     count = predict(scene.field, scene.lens, prior.mean, settings.coarse_spacing_px, buffers.samples)
     if count < 3:
@@ -98,40 +98,40 @@ def refine(
     z: FloatArray,
     step: FloatArray,
 ) -> tuple[int, int, float, bool]:
-    """Predict and search anew near a fit and fit again, until it stays.
+    """Predict and search again near a fit and repeat the fit, until it converges.
 
     Parameters
     ----------
     image, scene, prior, settings, buffers
         See `follow.follow`.
     spacing_px : float
-        Between samples.
+        Distance between samples.
     carpet, light
         See `propose`.
     z : (7,) float64
-        About the prior's mean; in and out.
+        Standard normal unknowns about the prior's mean; in and out.
     step : (7,) float64
-        Result: where the samples lie by the fit, about where they were predicted.
+        Result: the last change of z, from where the samples were predicted.
 
     Returns
     -------
     int, int, float, bool
-        Samples, inliers, root mean square of their residuals, and whether it could be fitted.
+        Numbers of samples and inliers, root mean square of their residuals (pixels), and whether it could be fitted.
     """
     count, inliers, rms = 0, 0, 0.0
-    here, origin = np.empty(UNKNOWNS), np.empty(UNKNOWNS)
+    unknowns, origin = np.empty(UNKNOWNS), np.empty(UNKNOWNS)
     near_px = settings.again_px
-    fine = Gates(settings.fine_gates_px, settings.sharp_steps)
-    for turn in range(3):
+    fine_gates = Gates(settings.fine_gates_px, settings.sharp_steps)
+    for iteration in range(3):
         for j in range(UNKNOWNS):
             origin[j] = -z[j]
             step[j] = 0.0
-        moved(prior, z, here)
-        count = predict(scene.field, scene.lens, here, spacing_px, buffers.samples)
+        moved(prior, z, unknowns)
+        count = predict(scene.field, scene.lens, unknowns, spacing_px, buffers.samples)
         whiten(buffers.samples, count, prior.root, buffers.rows)
-        again_px, gates = near_px, fine
+        again_px, gates = near_px, fine_gates
         # derivatives at the prior are inaccurate far from it
-        if turn == 0 and settings.bent_ratio > 0.0:
+        if iteration == 0 and settings.bent_ratio > 0.0:
             bent_px = settings.bent_ratio * _farthest(buffers, count, z, variable(POSE), flag(False))
             if bent_px > MIN_SEARCHES * near_px:
                 again_px = min(bent_px, MAX_SEARCHES * near_px)
@@ -151,20 +151,20 @@ def refine(
 
 @compiled
 def _rough_gates(settings: FollowSettings) -> Gates:
-    """Return the gates of a fit that begins far from its end."""
+    """Return the gates of a fit that starts far from its result."""
     first, second, last = settings.fine_gates_px[0], settings.fine_gates_px[1], settings.fine_gates_px[-1]
     return Gates(np.array((ROUGHER * first, ROUGHER * second, first, last)), settings.sharp_steps)
 
 
 @compiled(fastmath=True, error_model="numpy")
 def _farthest(buffers: Buffers, count: int, z: FloatArray, unknowns: int, found_only: bool) -> float:
-    """Return how far, in pixels, the first unknowns of z move a sample at most."""
+    """Return the greatest distance in pixels by which the first unknowns of z move a sample."""
     farthest = 0.0
     for n in range(count):
         if found_only and buffers.found.candidates[n] < 1:
             continue
-        way = 0.0
+        shift = 0.0
         for j in range(unknowns):
-            way += buffers.rows[n, j] * z[j]
-        farthest = max(farthest, abs(way))
+            shift += buffers.rows[n, j] * z[j]
+        farthest = max(farthest, abs(shift))
     return farthest

@@ -1,6 +1,6 @@
-"""Search for predicted edges along the pixel row or column nearest to their normal, so without interpolation.
+"""Searches predicted edges along the pixel row or column nearest to their normal, so that no pixel is interpolated.
 
-Three neighbouring rows or columns, shifted with the edge's slope, are added up against noise.
+Three neighbouring rows or columns, shifted with the edge's slope, are averaged to reduce noise.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def _mean_of_three(flat: UInt8Array, at: int, beside: int) -> tuple[float, float
 class Profile(NamedTuple):
     """Pixels along a normal in a flattened picture: the first one's index, the steps to the next and to those beside.
 
-    `inner` pixels are compared with as many, or with those beyond a gap of `gap`.
+    `inner` pixels inside are compared with as many outside, or for a ridge with the flanks beyond `gap` pixels.
     """
 
     origin: int
@@ -61,7 +61,7 @@ class Profile(NamedTuple):
 
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
-def _borders_rightly(
+def _has_expected_sides(
     flat: UInt8Array,
     profile: Profile,
     first: int,
@@ -73,7 +73,7 @@ def _borders_rightly(
 ) -> bool:
     """Return whether the inside of an edge shows its paint, and carpet lies beside a line.
 
-    Where something else lies beside a line, the edge is the end of the carpet or the outline of a robot.
+    Where something else lies beside it, the edge is not a line's but the end of the carpet or the outline of a robot.
     """
     origin, advance, beside, inner, gap = profile
     if kind == EDGE:
@@ -82,7 +82,7 @@ def _borders_rightly(
             return False
     if place != ON_FLOOR:
         return True
-    # cameras blur colours over more pixels than light: what borders on the edge shows at the far end of a window
+    # cameras blur colours over more pixels than brightness: the neighbour's colour shows at the far end of a window
     outer = first - gap - FLANK_PX if kind == RIDGE else first - inner - 1
     before = _mean_of_three(flat, origin + advance * outer, beside)
     if not is_carpet(before[0], before[1], before[2], carpet):
@@ -95,8 +95,7 @@ def _borders_rightly(
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def _add_up(flat: UInt8Array, profile: Profile, channel: FloatArray, sums: FloatArray) -> None:
-    """Sum up a channel along a profile, the means of three neighbours; sums (L + 1,) begin with 0."""
-    # three neighbours are added up
+    """Fill in the cumulative sums (L + 1,), from 0, of a channel along a profile, averaged over three neighbours."""
     wb, wg, wr = channel[0] / 3.0, channel[1] / 3.0, channel[2] / 3.0
     at, beside = profile.origin, profile.beside
     sums[0] = 0.0
@@ -120,9 +119,9 @@ def _add_up(flat: UInt8Array, profile: Profile, channel: FloatArray, sums: Float
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def _respond(sums: FloatArray, profile: Profile, flank: int, length: int, response: FloatArray) -> tuple[int, int]:
-    """Compare the pixels inside, from each place on, with those before; of a ridge, that has flanks, on both sides.
+    """Fill in the response at each place: the mean of the `inner` pixels from there less that of those before.
 
-    Returns the first and the last place of `response` that is written.
+    For a ridge, which has flanks, the brighter flank is subtracted. Returns the first and the last place written.
     """
     inner, gap = profile.inner, profile.gap
     if flank == 0:
@@ -140,7 +139,7 @@ def _respond(sums: FloatArray, profile: Profile, flank: int, length: int, respon
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def _keep_strongest(found: Findings, n: int, kept: int, strength: float, offset_px: float) -> int:
-    """Put a candidate of a sample in its place among those kept; returns how many are kept now."""
+    """Insert a candidate of sample n among the `kept` strongest ones, in order; returns their new number."""
     place = kept
     while place > 0 and found.strength[n, place - 1] < strength:
         place -= 1
@@ -165,7 +164,7 @@ def search(
     buffers: Buffers,
     count: int,
 ) -> None:
-    """Look for each sample's edge within its reach.
+    """Search each sample's edge within its reach, and fill in `found`'s offsets, strengths and candidates.
 
     Parameters
     ----------
@@ -173,16 +172,14 @@ def search(
         BGR.
     channels : (K, 8) float64
         See `FieldEdges`.
-    carpet : (5,) float64
-        As `carpet_look` returns.
+    carpet : (5,) or (8,) float64
+        See `carpet_look`.
     brightness : float
         Light of this picture, relative to that of `channels`.
     settings : FollowSettings
-        `min_ratio` counts.
+        `min_ratio` and `max_line_widths` are used.
     buffers : Buffers
-        Its samples, `count` of them, and their reach; `found` takes offsets, strengths and counts.
-    count : int
-        Samples.
+        The first `count` samples and their reach; `found`.
     """
     samples, reach_px, found, min_ratio = buffers.samples, buffers.reach_px, buffers.found, settings.min_ratio
     height, width = image.shape[0], image.shape[1]
@@ -192,7 +189,7 @@ def search(
         nu, nv = samples.normal[n, 0], samples.normal[n, 1]
         u, v = samples.uv[n, 0], samples.uv[n, 1]
         channel = samples.channel[n]
-        # three neighbours are added up
+        # the response is of the mean of three neighbours
         wb, wg, wr = channels[channel, 0] / 3.0, channels[channel, 1] / 3.0, channels[channel, 2] / 3.0
         along_v = abs(nv) >= abs(nu)
         n_axis = nv if along_v else nu
@@ -210,35 +207,35 @@ def search(
             shift = 1
         elif shift < -1:
             shift = -1
-        size_axis_px = abs(n_axis)
-        wide = samples.width_px[n] / size_axis_px
+        axis_component = abs(n_axis)
+        band_px = samples.width_px[n] / axis_component
         if samples.kind[n] == RIDGE:
-            inner = min(max(int(round(wide)), 1), 6)
-            fill = min(1.0, 0.75 * wide / inner)
+            inner = min(max(int(round(band_px)), 1), 6)
+            filled_ratio = min(1.0, 0.75 * band_px / inner)
             flank = FLANK_PX
             gap = 1
             margin = inner // 2 + gap + flank + 2
             noise_ratio = 1.0 / inner + 1.0 / flank
         else:
-            inner = min(max(int(wide - END_BLUR_PX), 1), 3)
-            fill = min(1.0, 0.8 * wide / inner)
+            inner = min(max(int(band_px - END_BLUR_PX), 1), 3)
+            filled_ratio = min(1.0, 0.8 * band_px / inner)
             flank, gap = inner, 0
             margin = inner + 2
             noise_ratio = 2.0 / inner
         norm = math.sqrt(wb * wb + wg * wg + wr * wr)
         noise = carpet[3] * norm * math.sqrt(3.0 * noise_ratio)
-        expected = samples.expected[n] * brightness * fill
+        expected = samples.expected[n] * brightness * filled_ratio
         found.candidates[n] = -1
         if expected < 4.0 * noise:
             continue
-        least = max(min_ratio * expected, 3.5 * noise)
-        reach = min(int(math.ceil(reach_px[n] / size_axis_px)), MAX_REACH_PX)
-        # a band is seen whole
-        is_banded = samples.place[n] == ON_FLOOR
-        longest = min(settings.max_line_widths * wide + BAND_BLUR_PX, MAX_BAND_PX)
+        min_strength = max(min_ratio * expected, 3.5 * noise)
+        reach = min(int(math.ceil(reach_px[n] / axis_component)), MAX_REACH_PX)
+        # a line on the floor may be wider than in the field file: the profile must contain the whole band
+        may_be_wider = samples.place[n] == ON_FLOOR
+        widest = min(settings.max_line_widths * band_px + BAND_BLUR_PX, MAX_BAND_PX)
         low, high = -reach - margin, reach + margin
-        if is_banded:
-            low, high = min(low, -reach - int(longest)), max(high, reach + int(longest))
+        if may_be_wider:
+            low, high = min(low, -reach - int(widest)), max(high, reach + int(widest))
         # keep within the picture, with the neighbours' shift
         if middle < 1 or middle > size_other - 2:
             continue
@@ -263,33 +260,33 @@ def search(
         _add_up(flat, profile, channels[channel], sums[: length + 1])
         is_ridge = samples.kind[n] == RIDGE
         begin, end = _respond(sums, profile, flank if is_ridge else 0, length, response)
-        middle_of = 0.5 * (inner - 1) if is_ridge else -0.5
+        shift_of_place = 0.5 * (inner - 1) if is_ridge else -0.5
         kept = variable(0)
         for i in range(begin + 1, end):
-            here = response[i]
-            if here < least or here <= response[i - 1] or here < response[i + 1]:
+            peak = response[i]
+            if peak < min_strength or peak <= response[i - 1] or peak < response[i + 1]:
                 continue
-            bend = response[i - 1] - 2.0 * here + response[i + 1]
-            part = 0.5 * (response[i - 1] - response[i + 1]) / bend if bend < 0.0 else 0.0
-            offset = (start + step * (low + i + part + middle_of) - crossing) * n_axis
+            curvature = response[i - 1] - 2.0 * peak + response[i + 1]
+            fraction = 0.5 * (response[i - 1] - response[i + 1]) / curvature if curvature < 0.0 else 0.0
+            offset = (start + step * (low + i + fraction + shift_of_place) - crossing) * n_axis
             if abs(offset) > reach_px[n] + 1.0:
                 continue
             colors = channels[channel]
-            if not _borders_rightly(flat, profile, i, samples.kind[n], samples.place[n], colors, carpet, brightness):
+            if not _has_expected_sides(flat, profile, i, samples.kind[n], samples.place[n], colors, carpet, brightness):
                 continue
-            kept = _keep_strongest(found, n, kept, here, offset)
-        if kept == 0 and is_banded:
-            full = samples.expected[n] * brightness
-            level = max(MIN_BAND_RATIO * full, 3.5 * carpet[3] * norm * math.sqrt(3.0))
+            kept = _keep_strongest(found, n, kept, peak, offset)
+        if kept == 0 and may_be_wider:
+            full_step = samples.expected[n] * brightness
+            level = max(MIN_BAND_RATIO * full_step, 3.5 * carpet[3] * norm * math.sqrt(3.0))
             at = variable(0)
             while at < length and kept < PEAKS:
                 middle_px, strength, at = _next_band(
-                    flat, profile, sums, length, level, longest, channels[channel], carpet, at
+                    flat, profile, sums, length, level, widest, channels[channel], carpet, at
                 )
                 if at >= length:
                     break
                 if not is_ridge:
-                    middle_px -= 0.5 * wide
+                    middle_px -= 0.5 * band_px
                 offset = (start + step * (low + middle_px) - crossing) * n_axis
                 if abs(offset) <= reach_px[n] + 1.0:
                     kept = _keep_strongest(found, n, kept, strength, offset)
@@ -303,15 +300,15 @@ def _next_band(
     sums: FloatArray,
     length: int,
     level: float,
-    longest: float,
+    widest: float,
     channel: FloatArray,
     carpet: FloatArray,
     at: int,
 ) -> tuple[float, float, int]:
-    """Find the next bright band between carpets on a profile, of whatever width up to `longest` pixels.
+    """Find the next bright band of up to `widest` pixels with carpet on both sides on a profile, from pixel `at` on.
 
-    Returns its middle between the places of half its height, its height above the carpet, and where to go on; that is
-    `length` if there is none.
+    Returns its middle between the places of half its height, its height above the carpet, and the pixel from which to
+    search on, which is `length` if no band was found.
     """
     ground = channel[0] * carpet[0] + channel[1] * carpet[1] + channel[2] * carpet[2]
     while at < length:
@@ -335,12 +332,12 @@ def _next_band(
         while right < length - 1 and sums[right + 2] - sums[right + 1] >= half:
             right += 1
         at = max(at, right + 1)
-        if left < 2 or right > length - 3 or right - left + 1 > longest:
+        if left < 2 or right > length - 3 or right - left + 1 > widest:
             continue
         before, after = sums[left] - sums[left - 1], sums[right + 2] - sums[right + 1]
         begin = left - (sums[left + 1] - sums[left] - half) / max(sums[left + 1] - sums[left] - before, 1.0)
         end = right + (sums[right + 1] - sums[right] - half) / max(sums[right + 1] - sums[right] - after, 1.0)
-        # beyond the slopes at its sides
+        # the carpet is read beyond the slopes at the band's sides
         away = 2 + (right - left) // 2
         if left - away < 0 or right + away >= length:
             continue
@@ -356,7 +353,7 @@ def _next_band(
 
 @compiled(fastmath=True, error_model="numpy")
 def whiten(samples: Samples, count: int, root: FloatArray, rows: FloatArray) -> None:
-    """Take derivatives (M, 7) by the prior's standard normal unknowns: rows of the Jacobian times the root (7, 7)."""
+    """Fill in the derivatives (M, 7) by the prior's standard normal unknowns: the Jacobian times the root (7, 7)."""
     for n in range(count):
         for j in range(UNKNOWNS):
             value = 0.0
@@ -367,7 +364,7 @@ def whiten(samples: Samples, count: int, root: FloatArray, rows: FloatArray) -> 
 
 @compiled(fastmath=True, error_model="numpy")
 def reaches(rows: FloatArray, count: int, settings: FollowSettings, reach_px: FloatArray) -> None:
-    """Return how far from its prediction each sample may lie, by the prior."""
+    """Fill in the search range (M,) of samples: `reach_sigmas` standard deviations of their offsets by the prior."""
     for n in range(count):
         total = 0.0
         for j in range(UNKNOWNS):

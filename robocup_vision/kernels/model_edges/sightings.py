@@ -1,6 +1,6 @@
-"""Coloured beacons and posts found in a picture without a prior: which, at what bearing, and how large they look.
+"""Finds coloured beacons and posts in a picture without a prior, with their bearing and their size in pixels.
 
-Their bearing and their size in pixels put a camera on a circle about them. Neither depends on how the body nods.
+The size puts the camera on a circle about the object, the bearing gives its heading. Neither depends on the tilt.
 """
 
 from __future__ import annotations
@@ -15,32 +15,32 @@ from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.lens import distorted
 
 SIGHTING_COLUMNS = 8
-BINS = 96  # of bearing across the picture
-LIKENESS = 0.93  # cosine between a colour and the paint that it is
-MIN_RUN_PX = 3
-BLUR_PX = 3  # of a colour that is neither of two bands, between them
+BINS = 96  # bins of bearing across the picture; each is read in one column
+LIKENESS = 0.93  # least cosine between a colour and its paint, both less grey
+MIN_RUN_PX = 3  # least height of a band in a column
+BLUR_PX = 3  # greatest gap between two bands, where blur mixes their colours
 MAX_SIGHTINGS = 12
-CUT = 1e4  # of a height that the picture's border cuts
-NOD_RAD = 0.06  # by which a foot may be off: of a body that walks, three standard deviations
+CUT = 1e4  # stands for a height in pixels that the top of the searched part cuts off
+NOD_RAD = 0.06  # greatest error of a foot's place: three standard deviations of the tilt of a walking body
 
 
 class Uprights(NamedTuple):
-    """Prepared once for a field.
+    """Coloured beacons and posts of a field, prepared once.
 
     Parameters
     ----------
     paints : (K, 3) float64
-        Unit vectors of their colour, blue, green, red, less grey.
+        Unit vectors of their colours less grey: blue, green, red.
     places : (N, 4) float64
-        x0, y0, x1, y1: where each stands; a post of a goal stands at the one or the other.
+        x0, y0, x1, y1, metres: the two places where it may stand, as a post of a goal; else both are the same.
     paint : (N, 2) int64
-        Which paint its upper and its lower band show; of a post the lower is -1.
+        Indices of the paints of its upper and lower band; of a post the lower is -1.
     height_m : (N,) float64
-        Of its bands together, or of a post.
+        Height of both bands together, or of a post.
     width_m : (N,) float64
-        Of its cylinder.
+        Width of its cylinder, or of a panel.
     weight : (N,) float64
-        What it counts for: two bands are seldom anything else, a post's colour often is.
+        Weight of its bearing and size, in line points: two bands are seldom anything else, a post's colour often is.
     """
 
     paints: FloatArray
@@ -52,7 +52,7 @@ class Uprights(NamedTuple):
 
 
 class Horizon(NamedTuple):
-    """Row of the horizon at rest, the camera's height (m), and by how many pixels the body's nod may shift a foot."""
+    """Row of the horizon at rest, the camera's height (m), and how far a nod may shift an object's foot (pixels)."""
 
     row: float
     height_m: float
@@ -61,7 +61,7 @@ class Horizon(NamedTuple):
 
 @compiled(error_model="numpy", inline="always")
 def _chroma(image: UInt8Array, v: int, u: int) -> tuple[float, float, float, float]:
-    """Colour of a pixel less grey, blue, green, red, and its length: 0 where it is next to grey."""
+    """Return a pixel's colour less grey (blue, green, red) and its length; the length is 0 where it is nearly grey."""
     b, g, r = float(image[v, u, 0]), float(image[v, u, 1]), float(image[v, u, 2])
     grey = (b + g + r) / 3.0
     b, g, r = b - grey, g - grey, r - grey
@@ -71,14 +71,14 @@ def _chroma(image: UInt8Array, v: int, u: int) -> tuple[float, float, float, flo
 
 @compiled(error_model="numpy", inline="always")
 def _column_of(i: int, half_view_rad: float, lens: FloatArray) -> int:
-    """Column of the picture in the middle of a bin of bearings."""
+    """Return the picture's column in the middle of a bin of bearings."""
     across, _, _, _, _, _ = distorted(lens, -math.tan(half_view_rad * (1.0 - 2.0 * (i + 0.5) / BINS)), 0.0)
     return int(round(lens[2] + lens[0] * across))
 
 
 @compiled(error_model="numpy", inline="always")
 def _paint_of(image: UInt8Array, v: int, u: int, paints: FloatArray) -> int:
-    """Which paint a pixel shows, -1 for none."""
+    """Return the index of the paint that a pixel shows, -1 for none."""
     b, g, r, size = _chroma(image, v, u)
     if size == 0.0:
         return -1
@@ -99,7 +99,10 @@ def _sizes(
     sizes: FloatArray,
     column: int,
 ) -> None:
-    """Height in pixels at which each upright shows in one column of the picture: 0 where it does not, `CUT` if cut."""
+    """Fill in one column of sizes (N, BINS): each upright's height in pixels in image column u.
+
+    The height is 0 if the upright does not appear between rows `top` and `bottom`, and `CUT` if `top` cuts it off.
+    """
     number = uprights.paint.shape[0]
     upper, upper_begin, upper_end = -1, -9, -9
     paint, begin = -1, top
@@ -139,7 +142,7 @@ def sightings(
     uprights: Uprights,
     out: FloatArray,
 ) -> int:
-    """Find the beacons and posts that a picture seems to show.
+    """Find what may be beacons and posts in a picture; returns their number.
 
     Parameters
     ----------
@@ -148,19 +151,14 @@ def sightings(
     lens : (L,) float64
         See `prediction.predict`.
     horizon : Horizon
-        Of the camera.
+        Horizon of the camera.
     half_view_rad : float
-        From the axis to the border of the picture.
+        Angle from the optical axis to the left or right border of the picture.
     uprights : Uprights
-        What may be seen.
+        Beacons and posts of the field.
     out : (S, 8) float64
-        Result: x0, y0, x1, y1 of where it may stand, bearing (rad, positive to the left), its size (m), how large it
-        looks (pixels), and its weight.
-
-    Returns
-    -------
-    int
-        How many.
+        Result: x0, y0, x1, y1 of its two possible places (m), bearing (rad, positive to the left), its height or width
+        (m), the same in pixels, and its weight.
     """
     height, width = image.shape[0], image.shape[1]
     top = max(int(horizon.row - 0.45 * height), 0)
@@ -182,7 +180,7 @@ def sightings(
             if sizes[n, i] == 0.0:
                 i += 1
                 continue
-            # bins of one thing look about equally tall; a goal's bar is thinner than its posts are tall
+            # one object has about the same height in all its bins; a goal's bar is much lower than its posts are
             begin, tallest = i, sizes[n, i]
             while i < BINS and sizes[n, i] > 0.6 * tallest:
                 tallest = max(tallest, sizes[n, i])
@@ -196,7 +194,7 @@ def sightings(
             size, size_m = total / (last - first), uprights.height_m[n]
             wide_px = (last - first) * per_bin_px
             if tallest == CUT:
-                # its width tells how near it is, where it is all in the picture
+                # its width gives its distance if it lies entirely in the picture
                 if wide_px < 2 * MIN_RUN_PX or first == 0 or last == BINS:
                     continue
                 size, size_m = wide_px, uprights.width_m[n]
@@ -216,25 +214,20 @@ def sightings(
 def poses_around(
     found: FloatArray, focal_px: float, half_m: tuple[float, float], step_m: float, poses: FloatArray
 ) -> int:
-    """Write the poses from which each beacon or post lies at its bearing and looks as large as it does.
+    """Fill in the poses from which each beacon or post has its bearing and size; returns their number.
 
     Parameters
     ----------
     found : (S, 8) float64
         As `sightings` returns them.
     focal_px : float
-        Of the camera.
+        Focal length of the camera.
     half_m : (float, float)
         Greatest |x| and |y| of a pose, metres.
     step_m : float
-        Between neighbouring poses about the same place.
+        Distance of neighbouring poses about the same place.
     poses : (N, 3) float64
-        Result: x, y, heading; as many as there is room for.
-
-    Returns
-    -------
-    int
-        How many.
+        Result: x, y, heading; poses beyond its size are left out.
     """
     count = 0
     for n in range(found.shape[0]):

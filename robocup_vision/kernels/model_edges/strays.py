@@ -1,4 +1,4 @@
-"""Samples that may lie on another object than their edge (stray samples), and how far off these may be.
+"""Estimates how far off a sample may be because it lies on another object than its edge (a stray sample).
 
 A fit follows a stray sample that alone determines a direction, so that its residual is close to zero. Only the other
 samples, the prior and the other lines reveal it.
@@ -16,10 +16,10 @@ from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.algebra.cholesky import substitute
 from robocup_vision.kernels.model_edges.tables import ON_FLOOR, UNKNOWNS, Buffers, Findings, FloatArray, FollowSettings
 
-# with a lower probability that all samples of an object are stray, none is treated as stray
-_FEW_STRAY = 0.01
-# lines whose normals have a greater cosine do not cross: within a few pixels they do not part
-_SAME_WAY = 0.97
+# an object is not treated as stray if the probability that all of its samples are stray is lower
+_MIN_ALL_STRAY = 0.01
+# lines whose normals have a greater cosine between them do not cross: within a few pixels they hardly diverge
+_MAX_COSINE = 0.97
 
 
 class Noise(NamedTuple):
@@ -61,7 +61,7 @@ def find_crossed(
     """
     rows, found, samples = buffers.rows, buffers.found, buffers.samples
     gate_px, near_px = settings.sharp_gates * noise_px, settings.coarse_spacing_px
-    which, number = np.empty(count, np.int64), 0
+    sample_of, number = np.empty(count, np.int64), 0
     # pixel of each candidate; normal of each line, and its distance from the picture's corner along the normal
     place, line = np.empty((count, 2)), np.empty((count, 3))
     for n in range(count):
@@ -75,24 +75,27 @@ def find_crossed(
         u, v, nu, nv = samples.uv[n, 0], samples.uv[n, 1], samples.normal[n, 0], samples.normal[n, 1]
         place[number, 0], place[number, 1] = u + offset * nu, v + offset * nv
         line[number, 0], line[number, 1], line[number, 2] = nu, nv, nu * u + nv * v + expected
-        which[number] = n
+        sample_of[number] = n
         number += 1
     for i in range(number):
-        thing, u, v = samples.feature[which[i]] >> 1, place[i, 0], place[i, 1]
+        object_index, u, v = samples.feature[sample_of[i]] >> 1, place[i, 0], place[i, 1]
         for k in range(number):
             if abs(line[k, 0] * u + line[k, 1] * v - line[k, 2]) > gate_px:
                 continue
             if abs(place[k, 0] - u) > near_px or abs(place[k, 1] - v) > near_px:
                 continue
-            same_way = abs(line[i, 0] * line[k, 0] + line[i, 1] * line[k, 1])
-            if same_way < _SAME_WAY and samples.feature[which[k]] >> 1 != thing:
-                crossed[which[i]] = True
+            cosine = abs(line[i, 0] * line[k, 0] + line[i, 1] * line[k, 1])
+            if cosine < _MAX_COSINE and samples.feature[sample_of[k]] >> 1 != object_index:
+                crossed[sample_of[i]] = True
                 break
 
 
 @compiled(fastmath=True, error_model="numpy")
 def shared_variance(noise: Noise, agree: float, off2: float) -> float:
-    """Return the variance of the offset that samples of an edge share, with the chance that all of them are stray."""
+    """Return the variance of an edge's shared offset, px squared, including the chance that all samples are stray.
+
+    `agree` is the total weight of the object's samples, `off2` as in `off_the_rest`.
+    """
     return float(noise.shared_px**2 + (noise.stray_px**2 + off2) * noise.stray_ratio**agree)
 
 
@@ -114,30 +117,30 @@ def off_the_rest(
     stray keep 0.
     """
     rows, feature = buffers.rows, buffers.samples.feature
-    mean, off = np.zeros((off2.shape[0], UNKNOWNS)), np.zeros(off2.shape[0])
+    mean_row, mean_residual = np.zeros((off2.shape[0], UNKNOWNS)), np.zeros(off2.shape[0])
     for n in range(count):
-        thing, same = feature[n] >> 1, 0.0
-        if weight[n] == 0.0 or noise.stray_ratio ** agree[thing] < _FEW_STRAY:
+        index, product = feature[n] >> 1, 0.0
+        if weight[n] == 0.0 or noise.stray_ratio ** agree[index] < _MIN_ALL_STRAY:
             continue
         for j in range(UNKNOWNS):
-            same += rows[n, j] * mean[thing, j]
+            product += rows[n, j] * mean_row[index, j]
         # the two edges of a line may look in opposite directions
-        w = (-weight[n] if same < 0.0 else weight[n]) / agree[thing]
+        w = (-weight[n] if product < 0.0 else weight[n]) / agree[index]
         for j in range(UNKNOWNS):
-            mean[thing, j] += w * rows[n, j]
-        off[thing] += w * residual[n]
+            mean_row[index, j] += w * rows[n, j]
+        mean_residual[index] += w * residual[n]
     part = np.empty(UNKNOWNS)
-    for thing in range(off2.shape[0]):
-        if agree[thing] == 0.0 or noise.stray_ratio ** agree[thing] < _FEW_STRAY:
+    for index in range(off2.shape[0]):
+        if agree[index] == 0.0 or noise.stray_ratio ** agree[index] < _MIN_ALL_STRAY:
             continue
         for j in range(UNKNOWNS):
-            part[j] = mean[thing, j]
+            part[j] = mean_row[index, j]
         substitute(root, UNKNOWNS, part)
         predicted = 0.0
         for j in range(UNKNOWNS):
-            predicted += part[j] * mean[thing, j]
-        variance = noise.sample_px**2 / agree[thing] + shared_variance(noise, agree[thing], 0.0)
-        off2[thing] = (off[thing] / max(1.0 - predicted / variance, 0.01)) ** 2
+            predicted += part[j] * mean_row[index, j]
+        variance = noise.sample_px**2 / agree[index] + shared_variance(noise, agree[index], 0.0)
+        off2[index] = (mean_residual[index] / max(1.0 - predicted / variance, 0.01)) ** 2
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -162,9 +165,9 @@ def off_alone(
     feature, begin = buffers.samples.feature, 0
     for n in range(1, count + 1):
         if n == count or feature[n] != feature[begin]:
-            thing = feature[begin] >> 1
-            shared2 = shared_variance(noise, agree[thing], 0.0)
-            doubt2 = shared_variance(noise, agree[thing], off2[thing]) - noise.shared_px**2
+            index = feature[begin] >> 1
+            shared2 = shared_variance(noise, agree[index], 0.0)
+            doubt2 = shared_variance(noise, agree[index], off2[index]) - noise.shared_px**2
             _doubt_each(buffers, begin, n, weight, residual, noise, root, shared2, doubt2, own2)
             begin = n
 
@@ -184,14 +187,14 @@ def _doubt_each(
 ) -> None:
     """Do `off_alone` for the samples from `begin` to `end`, which share an offset.
 
-    `doubt2` is the variance that the offset has already for the chance that the whole object is stray. The prediction
-    without a sample follows from the fit with it, by the sample's leverage.
+    `doubt2` is the part of the shared variance for the chance that the whole object is stray. The prediction without a
+    sample follows from the fit with it, by the sample's leverage.
     """
-    rows, alone = buffers.rows, 1.0 / noise.sample_px**2
+    rows, precision = buffers.rows, 1.0 / noise.sample_px**2
     common, part, common_weight, common_residual = np.zeros(UNKNOWNS), np.empty(UNKNOWNS), 0.0, 0.0
     for n in range(begin, end):
         own2[n] = 0.0
-        w = weight[n] * alone
+        w = weight[n] * precision
         if w == 0.0:
             continue
         common_weight += w
@@ -200,7 +203,7 @@ def _doubt_each(
             common[i] += w * rows[n, i]
     stray_density = noise.stray_ratio / (math.sqrt(12.0) * noise.stray_px)
     for n in range(begin, end):
-        w = weight[n] * alone
+        w = weight[n] * precision
         if w == 0.0:
             continue
         # how well the other samples of the edge determine the shared offset
@@ -212,10 +215,10 @@ def _doubt_each(
                 part[i] -= root[i, k] * part[k]
             part[i] /= root[i, i]
             by_fit2 += part[i] * part[i]
-        left = max(1.0 - by_fit2 / variance, 0.01)
-        off = (residual[n] - shared_gain * (common_residual - w * residual[n])) / left
-        open2 = by_fit2 / left
-        spread2 = open2 + variance
-        rightly = (1.0 - noise.stray_ratio) * math.exp(-0.5 * off * off / spread2) / math.sqrt(math.tau * spread2)
-        odds = stray_density / max(rightly, 1e-9)
-        own2[n] = max(odds * (off * off + min(open2, noise.stray_px**2)) - doubt2, 0.0)
+        remainder = max(1.0 - by_fit2 / variance, 0.01)
+        error = (residual[n] - shared_gain * (common_residual - w * residual[n])) / remainder
+        predicted2 = by_fit2 / remainder
+        spread2 = predicted2 + variance
+        density = (1.0 - noise.stray_ratio) * math.exp(-0.5 * error * error / spread2) / math.sqrt(math.tau * spread2)
+        odds = stray_density / max(density, 1e-9)
+        own2[n] = max(odds * (error * error + min(predicted2, noise.stray_px**2)) - doubt2, 0.0)

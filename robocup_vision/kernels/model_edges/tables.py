@@ -42,28 +42,28 @@ class FieldEdges(NamedTuple):
     Parameters
     ----------
     segments : (S, 14) float64
-        Straight edges that stay where they are, lines on the floor and feet of walls: x, y, z of both ends, unit vector
-        towards the inside (of a line: across), width (of a wall: height), channel, feature, `ON_FLOOR` or `UPRIGHT`,
-        1 where it is a line.
+        Straight edges that do not depend on the viewpoint, lines on the floor and feet of walls: x, y, z of both ends,
+        unit vector towards the inside (of a line: across), width (of a wall: height), channel, feature, `ON_FLOOR` or
+        `UPRIGHT`, 1 where it is a line.
     arcs : (A, 8) float64
         Curved lines: centre x and y, radius, start, sweep (rad), width, channel, feature.
     cylinders : (C, 7) float64
         Upright: x, y, radius, foot, top, channel, first feature.
     corners : (W, 9) float64
-        Upright ends of white or coloured walls before something else, each from where it is a silhouette: x, y, foot,
-        top, channel, feature, towards the outside along y (1 or -1), 1 where it is one for viewpoints farther out than
-        itself and 0 where for others, how much room the wall has.
+        Upright edges of goal panels, each a silhouette from one side only: x, y, foot, top, channel, feature, direction
+        of the outside along y (1 or -1), 1 if it is a silhouette for viewpoints farther out than itself and 0 if for
+        the others, width of the panel behind it.
     bars : (B, 7) float64
         Level, along y: x, y0, y1, height of the axis, radius, channel, first feature.
     rings : (R, 7) float64
-        Around upright cylinders where the paint changes: x, y, radius, height, channel, how far the upper paint
-        reaches, feature.
+        Around upright cylinders where the paint changes: x, y, radius, height, channel, height of the upper paint's
+        band, feature.
     channels : (K, 8) float64
         Weights of blue, green and red, and the step of the weighted sum, from outside to inside, under the light that
         shows the carpet at `CARPET_LIGHT`; blue, green and red of the paint less their mean, zeros where it has no
         hue; the mean where the paint is white, else 0.
     silent : (B, 6) float64
-        Boxes, least and greatest x, y and z: what is bright in one or behind it tells nothing of painted lines.
+        Boxes, least and greatest x, y and z: what looks like a line in or behind one is no evidence about the pose.
     """
 
     segments: FloatArray
@@ -77,7 +77,7 @@ class FieldEdges(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Places on predicted edges, as many as a count beside it.
+    """Places on predicted edges; the number in use is passed beside it.
 
     Parameters
     ----------
@@ -88,13 +88,13 @@ class Samples(NamedTuple):
     normal : (M, 2) float64
         Unit normal in the image; for an edge it points inside.
     jacobian : (M, 7) float64
-        Of the pixel along the normal by the unknowns.
+        Derivatives of the pixel's position along the normal by the unknowns.
     width_px : (M,) float64
-        Of a ridge, along the normal; of an edge how much room it has inside.
+        Width of a ridge, or of the paint inside an edge, along the normal.
     expected : (M,) float64
-        Step in grey levels of its channel.
+        Expected step of its channel in grey levels, under the nominal light.
     channel, feature, kind, place : (M,) int64
-        Which channel; which edge of the field it is on; `RIDGE` or `EDGE`; `ON_FLOOR` or `UPRIGHT`.
+        Index of the channel; index of the field's edge that it is on; `RIDGE` or `EDGE`; `ON_FLOOR` or `UPRIGHT`.
     """
 
     point_m: FloatArray
@@ -115,11 +115,11 @@ class Findings(NamedTuple):
     Parameters
     ----------
     offset_px : (M, PEAKS) float64
-        Along the normal from the predicted pixel, the strongest first.
+        Offsets of the candidates along the normal from the predicted pixel, the strongest first.
     strength : (M, PEAKS) float64
-        Steps in grey levels.
+        Their steps in grey levels.
     candidates : (M,) int64
-        Candidates of each sample; -1: it was not looked for.
+        Number of candidates of each sample; -1 if it was not looked for.
     status : (M,) int64
         `UNSEEN`, `FOUND`, `HIDDEN` or `MISSING`.
     """
@@ -136,37 +136,37 @@ class FollowSettings(NamedTuple):
     Parameters
     ----------
     spacing_px, coarse_spacing_px : float
-        Between samples, in the fit, at least, and where the mode is chosen.
+        Least distance between samples in the fit, and their distance where the mode is chosen.
     ample_samples : float
-        In the fit, about so many are enough.
+        About this number of samples is enough for the fit.
     reach_sigmas : float
-        How far from its prediction a sample is searched for, along the normal, in standard deviations of the prior.
+        Range of the search for a sample along its normal, in standard deviations of its offset by the prior.
     min_ratio : float
-        Of the expected step, that a candidate must show.
+        Least step of a candidate, as a fraction of the expected one.
     sigma_px, shared_px : float
-        Noise of a sample alone, and of the offset that all samples of an edge share.
+        Standard deviations of a sample's own error, and of the offset that all samples of an edge share.
     stray_ratio : float
-        Of the samples found, those of another thing than their edge, anywhere within `gate_px`.
+        Fraction of the samples found that lie on another object than their edge, anywhere within `gate_px`.
     sharp_gates, sharp_steps : float, int
-        The gate of the last steps, in robust standard deviations, and their number.
+        Gate of the last steps, in robust standard deviations, and the number of these steps.
     gate_px : float
-        Of an inlier.
+        Greatest residual of an inlier.
     again_px : float
-        How far candidates are searched for around a fit.
+        Range of the search for candidates around a fit.
     line_width_m : float
-        Of painted lines.
+        Width of painted lines.
     point_stride : int
-        Rows and columns between those that are read for line points.
+        Distance of the rows and columns that are read for line points.
     weights : (9,) float64
         See `verdict.log_odds`.
     sure_log_odds : float
-        From these on, were the position fixed, no other mode is examined.
+        Log odds, as if the position were fixed, from which no other mode is examined.
     coarse_gates_px, fine_gates_px : (G,) float64
-        Of the fit's steps.
+        Gates of the fit's steps, for the mode and for the final fit.
     max_line_widths : float
-        A bright band up to so many times as wide as the field file's lines may be a line.
+        Greatest width of a line, in line widths of the field file.
     bent_ratio : float
-        Of the way of a mode's pose from the prior, in pixels: how far the mode is searched for at first.
+        Range of the first search for a mode, as a fraction of its distance from the prior in pixels; 0 for `again_px`.
     """
 
     spacing_px: float
@@ -197,17 +197,17 @@ class Buffers(NamedTuple):
     Parameters
     ----------
     samples, found
-        What was predicted and what was found there.
+        Predicted samples and what was found there.
     rows : (M, 7) float64
         Derivatives of the samples by the prior's standard normal unknowns.
     reach_px : (M,) float64
-        How far each sample is searched for.
+        Range of the search for each sample.
     points : (P, 3) float64
         Line points, see `bands.line_points`.
     information : (7, 7) float64
-        Of the measurements alone, by the standard normal unknowns.
+        Information about the standard normal unknowns by the measurements alone.
     gradient : (7,) float64
-        Of the measurements' log-likelihood at the fit.
+        Gradient of the measurements' log-likelihood at the fit.
     """
 
     samples: Samples
@@ -252,18 +252,20 @@ class Fit(NamedTuple):
     unknowns : (7,) float64
         The fit.
     covariance : (7, 7) float64
-        With the prior.
+        Covariance of the unknowns, with the prior.
     information : (3, 3) float64
-        Of x, y and heading by the measurements alone, what else is unknown left as open as the prior leaves it.
+        Information about x, y and heading by the measurements alone; the other unknowns are marginalised under their
+        prior.
     gradient : (3,) float64
-        Of that log-likelihood at the fit.
+        Gradient of that log-likelihood at the fit.
     carpet : (5,) or (8,) float64
         See `carpet_look`.
     figures : (15,) float64
-        Samples, looked for, found, missing, inliers, their root mean square, prior's squared distance, line points that
-        a pose must explain, those explained, how many edges of the field were found, the standard deviation of the
-        position by the measurements alone where it is greatest (m), samples found above the floor, those hidden there,
-        the log odds by all of these, and by the same if the position were fixed.
+        Numbers of samples, of those looked for, found, missing and inliers; root mean square of the inliers' residuals
+        (pixels); squared Mahalanobis distance from the prior; numbers of line points that a pose must explain, of those
+        explained, and of the field's edges found; greatest standard deviation of the position by the measurements alone
+        (m); numbers of samples found above the floor and hidden there; log odds by all of these, and as if the position
+        were fixed.
     """
 
     unknowns: FloatArray
@@ -275,7 +277,7 @@ class Fit(NamedTuple):
 
 
 def empty_buffers(samples: int, points: int) -> Buffers:
-    """Return buffers for so many samples and line points."""
+    """Return buffers for numbers of samples and line points."""
     return Buffers(
         empty_samples(samples),
         empty_findings(samples),
@@ -288,7 +290,7 @@ def empty_buffers(samples: int, points: int) -> Buffers:
 
 
 def empty_samples(size: int) -> Samples:
-    """Return buffers for so many samples."""
+    """Return buffers for a number of samples."""
     channel, feature, kind, place = (np.zeros(size, dtype=np.int64) for _ in range(4))
     return Samples(
         np.zeros((size, 3)),
@@ -305,7 +307,7 @@ def empty_samples(size: int) -> Samples:
 
 
 def empty_findings(size: int) -> Findings:
-    """Return buffers for so many samples."""
+    """Return buffers for the findings at a number of samples."""
     return Findings(
         np.zeros((size, PEAKS)), np.zeros((size, PEAKS)), np.zeros(size, np.int64), np.zeros(size, np.int64)
     )

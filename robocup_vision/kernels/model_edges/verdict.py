@@ -24,13 +24,13 @@ from robocup_vision.kernels.model_edges.tables import (
     UInt8Array,
 )
 
-# a line at least this wide is found if it is in view
+# least width in pixels of a line that is surely found if it is in view
 SURE_PX = 1.0
 
 
 @compiled(fastmath=True, error_model="numpy")
 def _shows_carpet(image: UInt8Array, flat: UInt8Array, u: float, v: float, carpet: FloatArray) -> bool:
-    """Return whether carpet as deep in colour as it is elsewhere lies at a pixel."""
+    """Return whether a pixel shows carpet with its full saturation."""
     x, y = int(round(u)), int(round(v))
     height, width = image.shape[0], image.shape[1]
     if x < 1 or y < 1 or x > width - 2 or y > height - 2:
@@ -42,16 +42,15 @@ def _shows_carpet(image: UInt8Array, flat: UInt8Array, u: float, v: float, carpe
 def judge(
     image: UInt8Array, carpet: FloatArray, settings: FollowSettings, buffers: Buffers, count: int, z: FloatArray
 ) -> tuple[int, int, int, int]:
-    """Classify each sample.
+    """Classify each sample, and fill in `found.status`.
 
-    A sample without a candidate speaks against a pose only where plain carpet shows in place of the paint; anything
-    else there may stand before it. A line thinner than a pixel is easily overlooked: it speaks against nothing.
+    A sample without a candidate is missing, and so contradicts the pose, only if plain carpet shows in place of its
+    paint; anything else may hide it. A line thinner than a pixel is easily overlooked: it counts as hidden.
 
     Returns
     -------
     int, int, int, int
-        How many were found, are missing, are found on something upright, are hidden there; `found.status` takes each
-        one's.
+        Numbers of samples that are found, missing, found above the floor, and hidden above the floor.
     """
     samples, rows, found, gate_px = buffers.samples, buffers.rows, buffers.found, settings.gate_px
     seen, missing, upright, hidden = 0, 0, 0, 0
@@ -63,11 +62,11 @@ def judge(
         expected = 0.0
         for j in range(UNKNOWNS):
             expected += rows[n, j] * z[j]
-        hit = False
+        is_found = False
         for k in range(found.candidates[n]):
             if abs(found.offset_px[n, k] - expected) < gate_px:
-                hit = True
-        if hit:
+                is_found = True
+        if is_found:
             found.status[n] = FOUND
             seen += 1
             if samples.place[n] != ON_FLOOR:
@@ -76,12 +75,12 @@ def judge(
         if samples.kind[n] == RIDGE and samples.width_px[n] < SURE_PX:
             found.status[n] = HIDDEN
             continue
-        # into what should be painted
-        into = expected
+        # offset along the normal to where the paint should be
+        offset = expected
         if samples.kind[n] == EDGE:
-            into += 0.5 * min(samples.width_px[n], 8.0)
-        u = samples.uv[n, 0] + samples.normal[n, 0] * into
-        v = samples.uv[n, 1] + samples.normal[n, 1] * into
+            offset += 0.5 * min(samples.width_px[n], 8.0)
+        u = samples.uv[n, 0] + samples.normal[n, 0] * offset
+        v = samples.uv[n, 1] + samples.normal[n, 1] * offset
         if _shows_carpet(image, flat, u, v, carpet):
             found.status[n] = MISSING
             missing += 1
@@ -104,14 +103,14 @@ def explained(
     lens: FloatArray,
     p: FloatArray,
 ) -> tuple[int, int]:
-    """Count the line points that lie on predicted lines, and the others that are silent.
+    """Count the line points that lie on predicted lines, and those of the others that lie in silent boxes.
 
     Parameters
     ----------
     buffers : Buffers
-        With samples and line points.
+        Samples and line points.
     number, count : int
-        How many points and samples it holds.
+        Numbers of line points and of samples.
     z : (7,) float64
         The fit, about where the samples were predicted.
     spacing_px, gate_px : float
@@ -126,15 +125,15 @@ def explained(
     Returns
     -------
     int, int
-        How many are explained, and how many more speak neither for nor against the pose.
+        Numbers of points that are explained, and of others that are no evidence for or against the pose.
     """
     points, samples, rows = buffers.points, buffers.samples, buffers.rows
-    right, neutral = 0, 0
+    on_lines, neutral = 0, 0
     frame = np.empty(16)
     pose_frame(p, lens, frame)
     for m in range(number):
         u, v = points[m, 0], points[m, 1]
-        known = False
+        is_explained = False
         for n in range(count):
             if samples.place[n] != ON_FLOOR:
                 continue
@@ -151,13 +150,13 @@ def explained(
                 slack += 0.5 * samples.width_px[n]
                 across -= 0.5 * samples.width_px[n]
             if abs(along) < 1.2 * spacing_px and abs(across) < slack:
-                known = True
+                is_explained = True
                 break
-        if known:
-            right += 1
+        if is_explained:
+            on_lines += 1
         elif _is_silent(silent, lens, frame, u, v):
             neutral += 1
-    return right, neutral
+    return on_lines, neutral
 
 
 @compiled(fastmath=True, error_model="numpy")
@@ -165,7 +164,7 @@ def _is_silent(silent: FloatArray, lens: FloatArray, frame: FloatArray, u: float
     """Return whether the ray of a pixel passes through a silent box; `frame` as `pose_frame` prepares it."""
     direction = ray(lens, frame, u, v)
     for n in range(silent.shape[0]):
-        # of the way along the ray, its length ahead being 1
+        # distances along the ray at which it enters and leaves the box
         begin, end = 0.0, 1e9
         for k in range(3):
             times = 1.0 / direction[k] if abs(direction[k]) > 1e-9 else 1e9
@@ -178,22 +177,22 @@ def _is_silent(silent: FloatArray, lens: FloatArray, frame: FloatArray, u: float
 
 @compiled(fastmath=True, error_model="numpy")
 def log_std(position_std_m: float) -> float:
-    """Return the logarithm of a standard deviation (m) within what an error of the camera and an open position have."""
+    """Return the logarithm of a standard deviation (m) plus the camera's error of 1 cm; open positions count as 1 m."""
     return math.log(min(position_std_m, 1.0) + 0.01)
 
 
 @compiled(fastmath=True, error_model="numpy")
 def log_odds(figures: FloatArray, weights: FloatArray) -> float:
-    """Logarithm of the odds that a fit near a prior is right, as `localization.model_edges.evidence` defines them.
+    """Return the log odds that a fit near a prior is right, as `localization.model_edges.evidence` defines them.
 
     Parameters
     ----------
     figures : (15,) float64
         See `Fit`.
     weights : (9,) float64
-        Constant, then of the squared distance from the prior, the logarithm of the inliers, the fraction of missing
-        samples, that of hidden ones above the floor, that of line points left unexplained, the root mean square of the
-        residuals, the number of edges, and the logarithm of the position's standard deviation.
+        Constant, then weights of the squared distance from the prior, the logarithm of the inliers, the fraction of
+        missing samples, that of hidden ones above the floor, that of unexplained line points, the root mean square of
+        the residuals, the number of edges, and the logarithm of the position's standard deviation.
     """
     found, missing, inliers, rms, far = figures[2], figures[3], figures[4], figures[5], figures[6]
     points, right, upright, hidden = figures[7], figures[8], figures[11], figures[12]

@@ -26,10 +26,10 @@ LANES = 16
 # rows of a command: velocity now and commanded, end of the horizon, the greater speed and its inverse, time at which
 # the command is reached, change of velocity per second as a ratio, shortest step
 VX, VY, TX, TY, END, FASTEST, SLOWNESS, SETTLE, PUSH, LEAST = range(10)
-# and its state: last free time (inf: no contact), present time, whether it is still running
+# rows of its state: last free time (inf: no contact), present time, whether it is still running
 FREE, TIME, RUNS = range(10, 13)
 COMMAND = 13
-# place and velocity at that time, and the profile there
+# rows of place and velocity at the present time, and of the profile there
 X, Y, NOW_X, NOW_Y, RANGE, NEAR_COARSE, NEAR_FINE = range(13, 20)
 ROWS = 20
 PER_COARSE, PER_FINE = np.uint32(BINS // COARSE), np.uint32(BINS // FINE)

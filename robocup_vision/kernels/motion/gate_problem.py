@@ -68,8 +68,8 @@ def search(
     tested.
 
     If the next look revealed the width, the cost would be move + look + the better of gap and detour for a wide gap, or
-    the detour for a narrow one. This is a lower bound of each branch. Viewpoints are tested in its order, and one is
-    given up as soon as the costs of its classes so far and the bounds of the others exceed the best cost.
+    the detour for a narrow one. This is a lower bound for each viewpoint. Viewpoints are tested in its order, and a
+    test ends as soon as the costs of the classes so far and the bounds of the others exceed the best cost.
     """
     first_wide, likelihood, move, look, passing, failing, detour, confirmed = problem
     width_count = belief.shape[1]
@@ -85,19 +85,19 @@ def search(
     if depth + 1 >= belief.shape[0]:
         return best, action
     reach = min(best, limit)
-    viewpoints, readings = likelihood.shape[0], likelihood.shape[1]
+    viewpoints, measurements = likelihood.shape[0], likelihood.shape[1]
     bound = np.empty(viewpoints)
     for x in range(viewpoints):
-        known = wide * min(passing[x], detour[x]) + narrow * detour[x]
-        bound[x] = (wide + narrow) * (move[place, x] + look) + known
-    least = np.empty(readings)
+        if_revealed = wide * min(passing[x], detour[x]) + narrow * detour[x]
+        bound[x] = (wide + narrow) * (move[place, x] + look) + if_revealed
+    least = np.empty(measurements)
     for _ in range(viewpoints):
         x = int(np.argmin(bound))
         if bound[x] >= reach:
             break
         bound[x] = np.inf
         cost = (wide + narrow) * (move[place, x] + look)
-        for k in range(readings):
+        for k in range(measurements):
             wide_k = 0.0
             narrow_k = 0.0
             for w in range(first_wide):
@@ -108,12 +108,12 @@ def search(
             if depth + 2 >= belief.shape[0]:
                 least[k] = stop
             else:
-                known = wide_k * min(passing[x], detour[x]) + narrow_k * detour[x]
-                least[k] = min(stop, (wide_k + narrow_k) * look + known)
+                if_revealed = wide_k * min(passing[x], detour[x]) + narrow_k * detour[x]
+                least[k] = min(stop, (wide_k + narrow_k) * look + if_revealed)
             cost += least[k]
-        counted[0] += readings
+        counted[0] += measurements
         if depth + 2 < belief.shape[0]:
-            for k in range(readings):
+            for k in range(measurements):
                 if cost >= reach:
                     break
                 for w in range(width_count):

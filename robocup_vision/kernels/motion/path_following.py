@@ -70,13 +70,13 @@ def nearest_on_path(path: FloatArray, place: Pair) -> tuple[float, float, float]
 @compiled(error_model="numpy")
 def point_on_path(path: FloatArray, arc: float) -> Pair:
     """Return the path's point at an arc length, clipped to its ends."""
-    left = max(arc, 0.0)
+    remaining = max(arc, 0.0)
     for k in range(path.shape[0] - 1):
         dx, dy = path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1]
         size = math.sqrt(dx * dx + dy * dy)
-        if left <= size and size > 0.0:
-            return path[k, 0] + left / size * dx, path[k, 1] + left / size * dy
-        left -= size
+        if remaining <= size and size > 0.0:
+            return path[k, 0] + remaining / size * dx, path[k, 1] + remaining / size * dy
+        remaining -= size
     return path[-1, 0], path[-1, 1]
 
 
@@ -90,8 +90,8 @@ def follow(path: FloatArray, place: Pair, speed: float, ahead_m: float, accelera
     if away < 1e-9:
         return 0.0, 0.0
     # stop at the path's end: v late + v^2 / (2 a) = remaining distance
-    left = max(length - arc, away) if arc + ahead_m >= length else length - arc
-    allowed = min(speed, acceleration * (math.sqrt(_LATE_S * _LATE_S + 2.0 * left / acceleration) - _LATE_S))
+    remaining_m = max(length - arc, away) if arc + ahead_m >= length else length - arc
+    allowed = min(speed, acceleration * (math.sqrt(_LATE_S * _LATE_S + 2.0 * remaining_m / acceleration) - _LATE_S))
     return allowed * dx / away, allowed * dy / away
 
 
@@ -155,27 +155,27 @@ def _clearance_until_look(
     path: FloatArray, start: Start, way: Following, discs: FloatArray, given: FloatArray, sigmas: float
 ) -> tuple[float, int, Pair, Pair, Pair]:
     """Simulate the motion until the next look and a stop; return (clearance, disc), place, velocity, command then."""
-    least, which = np.inf, -1
-    here, moving, obeyed = start.place, start.velocity, start.pending
+    least, disc = np.inf, -1
+    place, velocity, command = start.place, start.velocity, start.pending
     steps = max(1, int(round(way.until_look / way.period)))
-    viewpoint, there, commanded = here, moving, obeyed
+    viewpoint, velocity_then, command_then = place, velocity, command
     step = 0
     while True:
-        target = follow(path, here, way.speed, way.ahead_m, way.acceleration) if step < steps else (0.0, 0.0)
-        here, moving = drive(here, moving, obeyed, target, way.acceleration, way.dead_time, way.period)
-        obeyed = target
-        by_then = spread(start.covariance, way.odometry, (here[0] - start.place[0], here[1] - start.place[1]))
+        target = follow(path, place, way.speed, way.ahead_m, way.acceleration) if step < steps else (0.0, 0.0)
+        place, velocity = drive(place, velocity, command, target, way.acceleration, way.dead_time, way.period)
+        command = target
+        covariance = spread(start.covariance, way.odometry, (place[0] - start.place[0], place[1] - start.place[1]))
         for m in range(discs.shape[0]):
-            away, variance = _toward(discs[m], here, by_then)
-            clear = away - discs[m, 2] - sigmas * math.sqrt(variance) + given[m]
-            if clear < least:
-                least, which = clear, m
+            away, variance = _toward(discs[m], place, covariance)
+            clearance = away - discs[m, 2] - sigmas * math.sqrt(variance) + given[m]
+            if clearance < least:
+                least, disc = clearance, m
         step += 1
         if step == steps:
-            viewpoint, there, commanded = here, moving, obeyed
-        if least < 0.0 or (step > steps and moving[0] == 0.0 and moving[1] == 0.0):
+            viewpoint, velocity_then, command_then = place, velocity, command
+        if least < 0.0 or (step > steps and velocity[0] == 0.0 and velocity[1] == 0.0):
             break
-    return least, which, viewpoint, there, commanded
+    return least, disc, viewpoint, velocity_then, command_then
 
 
 @compiled(error_model="numpy")
@@ -193,26 +193,26 @@ def _clearance_of_return(
 
     worst : place, velocity and command at the look, at the end of an axis of the error ellipse; far : that axis, m.
     """
-    least, which = best
-    place, moving, obeyed = worst
-    step, back = 0, False
+    least, disc = best
+    place, velocity, command = worst
+    step, is_back = 0, False
     while True:
-        _, off, _ = nearest_on_path(path, place)
-        back = back or off <= _BACK_M or step * way.period >= _LATEST_S
-        target = (0.0, 0.0) if back else follow(path, place, way.speed, way.ahead_m, way.acceleration)
-        place, moving = drive(place, moving, obeyed, target, way.acceleration, way.dead_time, way.period)
-        obeyed = target
+        _, distance, _ = nearest_on_path(path, place)
+        is_back = is_back or distance <= _BACK_M or step * way.period >= _LATEST_S
+        target = (0.0, 0.0) if is_back else follow(path, place, way.speed, way.ahead_m, way.acceleration)
+        place, velocity = drive(place, velocity, command, target, way.acceleration, way.dead_time, way.period)
+        command = target
         step += 1
         for m in range(discs.shape[0]):
             away, variance = _toward(discs[m], place, (0.0, 0.0, 0.0))
             # variances add up; the part of the pose is already in the simulated start
-            more = sigmas * (math.sqrt(far * far + variance) - far)
-            clear = away - discs[m, 2] - more + given[m]
-            if clear < least:
-                least, which = clear, m
-        if least < 0.0 or (back and moving[0] == 0.0 and moving[1] == 0.0):
+            margin = sigmas * (math.sqrt(far * far + variance) - far)
+            clearance = away - discs[m, 2] - margin + given[m]
+            if clearance < least:
+                least, disc = clearance, m
+        if least < 0.0 or (is_back and velocity[0] == 0.0 and velocity[1] == 0.0):
             break
-    return least, which
+    return least, disc
 
 
 @compiled(error_model="numpy")
@@ -234,9 +234,9 @@ def min_clearance(
     if discs.shape[0] == 0:
         return np.inf, -1
     given = _allowances(discs, start, sigmas)
-    least, which, viewpoint, there, commanded = _clearance_until_look(path, start, way, discs, given, sigmas)
+    least, disc, viewpoint, velocity, command = _clearance_until_look(path, start, way, discs, given, sigmas)
     if least < 0.0:
-        return least, which
+        return least, disc
     covariance = start.covariance
     dx, dy = viewpoint[0] - start.place[0], viewpoint[1] - start.place[1]
     xx, xy, yy = spread(covariance, way.odometry, (dx, dy))
@@ -250,8 +250,8 @@ def min_clearance(
         far = math.sqrt(max(middle + (longer if case % 2 == 0 else -longer), 1e-18))
         place = (viewpoint[0] + sigmas * far * cosine, viewpoint[1] + sigmas * far * sine)
         turn = sigmas * (turned_x * cosine + turned_y * sine) / far
-        worst = (place, _turned(there, turn), _turned(commanded, turn))
-        least, which = _clearance_of_return(path, worst, far, way, discs, given, sigmas, (least, which))
+        worst = (place, _turned(velocity, turn), _turned(command, turn))
+        least, disc = _clearance_of_return(path, worst, far, way, discs, given, sigmas, (least, disc))
         if least < 0.0:
             break
-    return least, which
+    return least, disc

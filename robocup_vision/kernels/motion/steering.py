@@ -99,8 +99,8 @@ class Start(NamedTuple):
 @compiled(error_model="numpy")
 def unwind(detour: float, way_m: float, radius_m: float) -> float:
     """Return the rest of a detour (radians, signed) after driving back on an arc of the radius for some way."""
-    left = max(abs(detour) - way_m / radius_m, 0.0)
-    return math.copysign(left, detour)
+    rest = max(abs(detour) - way_m / radius_m, 0.0)
+    return math.copysign(rest, detour)
 
 
 @compiled(error_model="numpy")
@@ -251,23 +251,23 @@ def choose_direction(
     speed = rules.speed
     count = directions.angles.shape[0]
     turn = 2.0 * math.pi
-    same = math.pi / count * 1.001
+    resolution = math.pi / count * 1.001
     wanted_bearing = wanted.bearing % turn
     if wanted.distance < np.inf:
         lag = rules.acceleration * (rules.dead_time + rules.period)
         speed = min(speed, math.sqrt(lag * lag + 2.0 * rules.acceleration * wanted.distance) - lag)
     start = _coast(motion, rules, profile, smallest, moving)
-    best, nearest, progress, toward, pace = -1, np.inf, -np.inf, 0.0, 0.0
-    turns, aways = np.empty(count), np.empty(count)
+    best, nearest, progress, best_turn, best_speed = -1, np.inf, -np.inf, 0.0, 0.0
+    turns, deviations = np.empty(count), np.empty(count)
     for j in range(count):
         turned = directions.angles[j] - wanted_bearing
         if turned >= math.pi:
             turned -= turn
         elif turned < -math.pi:
             turned += turn
-        turns[j], aways[j] = turned, abs(turned)
-        if turned * wanted.turn < 0.0 and aways[j] > same:
-            aways[j] += rules.other_side_rad
+        turns[j], deviations[j] = turned, abs(turned)
+        if turned * wanted.turn < 0.0 and deviations[j] > resolution:
+            deviations[j] += rules.other_side_rad
     commands = Commands(
         np.empty(count, np.int64), np.empty((2, count)), np.empty(count), np.empty(count), np.empty(count)
     )
@@ -278,7 +278,7 @@ def choose_direction(
             break
         tried = 0
         for j in range(count):
-            if level == 0 or aways[j] <= nearest:
+            if level == 0 or deviations[j] <= nearest:
                 commands.direction[tried] = j
                 commands.velocities[0, tried] = slower * directions.units[j, 0]
                 commands.velocities[1, tried] = slower * directions.units[j, 1]
@@ -286,21 +286,21 @@ def choose_direction(
         _try_commands(start, tried, slower, rules, profile, smallest, moving, commands)
         if level == 0:
             copy_vector(commands.times, directions.time_to_contact)
-        chosen, least, longest, turned_least = -1, nearest - 1e-9, 0.0, 0.0
+        chosen, least, longest, least_turn = -1, nearest - 1e-9, 0.0, 0.0
         for n in range(tried):
             j, t = commands.direction[n], commands.times[n]
-            turned, away = turns[j], aways[j]
+            turned, deviation = turns[j], deviations[j]
             if t < commands.needed[n] or commands.meets[n] < np.inf:
                 target = commands.velocities[0, n], commands.velocities[1, n]
-                if not (abs(turned) <= same and _passes_target(start, target, slower, t, wanted.distance, rules)):
+                if not (abs(turned) <= resolution and _passes_target(start, target, slower, t, wanted.distance, rules)):
                     continue
-            if away < least - 1e-9 or (away < least + 1e-9 and t > longest):
-                chosen, least, longest, turned_least = j, min(away, least), t, turned
+            if deviation < least - 1e-9 or (deviation < least + 1e-9 and t > longest):
+                chosen, least, longest, least_turn = j, min(deviation, least), t, turned
         if chosen >= 0 and slower * math.cos(min(least, math.pi)) > progress:
-            best, nearest, toward, pace = chosen, least, turned_least, slower
+            best, nearest, best_turn, best_speed = chosen, least, least_turn, slower
             progress = slower * math.cos(min(least, math.pi))
     if best >= 0:
-        return 0, best, pace, toward
+        return 0, best, best_speed, best_turn
     return _latest_contact(motion, start, speed, rules, directions, profile, smallest, moving)
 
 
@@ -325,18 +325,18 @@ def steer(
     bearing, range_m, known_bearing, sectors = scan
     scan = Scan(bearing, range_m, known_bearing, Sectors(*sectors))
     detour = target.turn
-    same = True
+    is_unchanged = True
     for k in range(scan.bearing.shape[0]):
-        same = same and scan.bearing[k] == scan.known_bearing[k]
-    if not same:
+        is_unchanged = is_unchanged and scan.bearing[k] == scan.known_bearing[k]
+    if not is_unchanged:
         scan.known_bearing[:] = np.nan
         if not measure_sectors(scan.bearing, scan.sectors):
             return -1, -1, 0.0, detour
         copy_vector(scan.bearing, scan.known_bearing)
     smallest = grow_profile(scan.range_m, scan.sectors, radius_m, profile)
     resolution = math.pi / directions.angles.shape[0] * 1.001
-    pace = math.hypot(motion.velocity[0], motion.velocity[1])
-    detour = unwind(detour, pace * rules.period, max(radius_m, pace * pace / rules.acceleration))
+    present = math.hypot(motion.velocity[0], motion.velocity[1])
+    detour = unwind(detour, present * rules.period, max(radius_m, present * present / rules.acceleration))
     if target.distance < profile.ranges[profile_bin(math.cos(target.bearing), math.sin(target.bearing))]:
         detour = 0.0
     side = 0.0 if detour == 0.0 else math.copysign(1.0, detour)

@@ -1,7 +1,7 @@
 """Compiled fit of a pose to a floor outline, optionally together with errors of the camera's centre and tilt.
 
-Half a pixel of the centre, or half a degree of a leaning body, moves a far wall and the pose by centimetres. Both
-deform the outline in a way that no pose does, so that the residuals of the pose's fit reveal them.
+An error of half a pixel of the centre, or of half a degree of the tilt of a leaning body, moves a far wall and the pose
+by centimetres. Both errors deform the outline as no other pose does, so the residuals of the pose's fit reveal them.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from robocup_vision.kernels.walls.fit import (
 SIZE = 7
 STEPS = 4
 ONE, TWO, THREE, FOUR = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
-# least noise of a bearing, relative to the assumed one: exact outlines have the errors of the tables
+# least noise of a bearing, relative to the assumed one: even an exact outline has the tables' errors of interpolation
 MIN_NOISE = 0.3
 # standard deviation, pixels or radians, of a parameter that is fixed
 KNOWN = 1e-6
@@ -55,7 +55,7 @@ class CameraErrors(NamedTuple):
     noise_px : float
         Standard deviation of a bearing's edge.
     center_std_px, turn_std_rad : float
-        Of the centre, and of rotations of the camera about the robot's x and y axes through the pivot.
+        Standard deviations of the centre along u and v, and of rotations about the robot's x and y axes (see `PIVOT`).
     """
 
     noise_px: float
@@ -359,7 +359,7 @@ class Fitted(NamedTuple):
     along_m : float
         Largest standard deviation of the position; infinite if the outline does not determine it.
     sliding_m : float
-        The same for the fit without the camera's unknowns; large if the pose can slide along walls.
+        `along_m` of the fit without the camera's unknowns; large if the pose can slide along walls.
     """
 
     pose: Vector
@@ -461,12 +461,12 @@ def fit_leaning(
     errors = CameraErrors(known_errors.noise_px, KNOWN, known_errors.turn_std_rad)
     unknowns, prediction, lower = np.zeros(SIZE), empty_prediction(scene), np.empty((SIZE, SIZE))
     unknowns[0], unknowns[1], unknowns[2] = start
-    equations, is_fixed = _empty_equations(), True
+    equations, is_determined = _empty_equations(), True
     outline = FloorOutline(radius, known.q_step, known.radius_of_q, scales, known.unit_px)
     for n in range(scales.shape[0]):
         outline = FloorOutline(radius, known.q_step, known.radius_of_q, scales[n : n + 1], known.unit_px)
-        is_fixed = is_fixed and _fit_camera(unknowns, scene, outline, errors, prediction, equations, lower)
-    along = _write_covariance(errors, equations, SIZE, known, lower, covariance) if is_fixed else math.inf
+        is_determined = is_determined and _fit_camera(unknowns, scene, outline, errors, prediction, equations, lower)
+    along = _write_covariance(errors, equations, SIZE, known, lower, covariance) if is_determined else math.inf
     turned = turned_scene(scene, unknowns[5], unknowns[6])
     cost, bearings = compare_outline(turned, outline, prediction, (unknowns[3], unknowns[4]), lines[0], lines[1])
     ratio, rms = inliers_of(lines[0], known.inlier_px)

@@ -13,7 +13,7 @@ from robocup_vision.kernels.algebra.three import solve_3x3
 
 Vector = tuple[float, float, float]
 B1, B2, B3 = np.uint64(1), np.uint64(2), np.uint64(3)
-# widths of the weights, in units, above which every second bearing suffices
+# width of the weights, in units of `FloorOutline.unit_px`, above which every second bearing suffices
 FAR_UNITS = 2.5
 
 
@@ -164,10 +164,10 @@ def tabulated(outline: FloorOutline, q: float) -> tuple[float, float]:
 
 @compiled(error_model="numpy")
 def agreement(e: float, per_scale: float) -> float:
-    """Return the weight of a residual: wide on the far side, because obstacles hide floor in front of a wall only."""
+    """Return the weight of a residual, three times as wide beyond a wall: obstacles hide floor only in front of it."""
     ratio = e * (per_scale if e < 0 else per_scale / 3.0)
-    share = 1.0 / (1.0 + ratio * ratio)
-    return share * share
+    root_weight = 1.0 / (1.0 + ratio * ratio)
+    return root_weight * root_weight
 
 
 @compiled(error_model="numpy")

@@ -1,4 +1,4 @@
-"""A map in the making: landmarks are added, updated and merged, and every observation is kept for the refinement."""
+"""A map during its run: landmarks are added, updated and merged, and all observations are kept for the refinement."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from robocup_vision.landmarks.mapping.stereo import StereoPoints
 from robocup_vision.landmarks.pose_fit import CHI2_3DOF
 
 _CHUNK = 512
-# landmarks no farther apart, with descriptors (unit vectors) no more different, may be one
+# greatest distance of two landmarks, and of their descriptors (unit vectors), that may be the same
 _SAME_PLACE_M = 0.15
 _SAME_LOOK = 0.45
 
@@ -66,15 +66,16 @@ class DraftMap:
         return np.arange(start, start + count)
 
     def note_views(self, landmarks: Int64Array, directions: Int64Array, features: Features, per_px: FloatArray) -> None:
-        """Note what landmarks look like: a direction already known is updated, a new one added.
+        """Add views of landmarks; a view from a known direction replaces the earlier one.
 
         Parameters
         ----------
         landmarks, directions : (N,) int64
+            Index of each view's landmark, and its direction, 0 to 35.
         features : Features
-            N of them.
+            The N features.
         per_px : (N,) float64
-            Metres a pixel at each landmark.
+            Metres for each pixel at the landmark's distance.
         """
         keys = zip(landmarks.tolist(), directions.tolist(), strict=True)
         rows = np.array([self._row.setdefault(key, len(self._row)) for key in keys], dtype=np.int64)
@@ -95,7 +96,7 @@ class DraftMap:
             setattr(self, name, after)
 
     def note_observations(self, landmarks: Int64Array, points: StereoPoints, frame: int) -> None:
-        """Note that a frame saw landmarks (N,) as N stereo points."""
+        """Add observations of landmarks (N,) as N stereo points in a frame."""
         old = self.observations
         self.observations = Observations(
             np.append(old.frame, np.full(len(landmarks), frame)),
@@ -106,7 +107,7 @@ class DraftMap:
         self.last_frame[landmarks] = frame
 
     def merge_duplicates(self) -> None:
-        """Merge landmarks that look alike at one place and were never seen in one image."""
+        """Merge landmarks with similar positions and descriptors that were never observed in the same frame."""
         pairs = self._alike()
         together: dict[int, set[int]] = {}
         for frame, landmark in zip(self.observations.frame.tolist(), self.observations.landmark.tolist(), strict=True):
@@ -139,10 +140,10 @@ class DraftMap:
         self.keep(kept)
 
     def _alike(self) -> list[tuple[int, int]]:
-        """Pairs at one place that look alike, the nearest first."""
+        """Return pairs of landmarks with similar positions and descriptors, the nearest first."""
         count = len(self)
         look = np.zeros((count, self.view_descriptors.shape[1]), dtype=np.float32)
-        look[self.view_landmark] = self.view_descriptors  # of several views the last
+        look[self.view_landmark] = self.view_descriptors  # the last of several views counts
         found: list[tuple[float, int, int]] = []
         square = (self.positions_m**2).sum(axis=1)
         for low in range(0, count, _CHUNK):
@@ -160,12 +161,12 @@ class DraftMap:
         return [(i, j) for _, i, j in sorted(found)]
 
     def keep(self, kept: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> None:
-        """Drop the other landmarks, with their views and observations."""
+        """Keep the landmarks of a mask (L,), and drop the others with their views and observations."""
         number = np.cumsum(kept) - 1
         for name in ("positions_m", "covariances", "noise", "seen", "missed", "last_frame"):
             setattr(self, name, getattr(self, name)[kept])
         rows = kept[self.view_landmark]
-        # a landmark merged from two may have two views from one direction: the later stays
+        # a merged landmark may have two views from one direction: the later one is kept
         latest = {
             (int(landmark), int(direction)): int(r)
             for r, landmark, direction in zip(
@@ -184,7 +185,7 @@ class DraftMap:
         self.observations = Observations(s.frame, number[s.landmark], s.measured_px, s.std_px)
 
     def finished(self, trajectory: FloatArray, trajectory_cov: FloatArray) -> LandmarkMap:
-        """Return the map as it is now."""
+        """Return a copy as a `LandmarkMap`."""
         return LandmarkMap(
             self.positions_m.copy(),
             (self.covariances + self.covariances.transpose(0, 2, 1)) / 2,

@@ -1,8 +1,7 @@
-"""Poses and landmarks of a run adjusted together to all that was measured: what bounds the map's drift.
+"""Joint adjustment of poses and landmarks of a run to all its measurements (bundle adjustment), which bounds drift.
 
-Gauss-Newton over the three images' pixels with redescending weights; landmarks are eliminated (Schur complement), so
-that the equations to solve are as many as the poses. Over a window of keyframes during the run, over all when it ends
-or returns.
+Gauss-Newton on the three images' pixels with redescending weights. Landmarks are eliminated (Schur complement), so that
+the size of the system to solve is that of the poses.
 """
 
 from __future__ import annotations
@@ -16,23 +15,23 @@ from robocup_vision.arrays import BoolArray, FloatArray, Int64Array
 from robocup_vision.landmarks.mapping.run_files import TrinocularRig
 from robocup_vision.landmarks.pose_fit import world_to_camera
 
-# landmarks are eliminated this many at a time, which bounds the memory
+# number of landmarks that are eliminated at a time, which bounds the memory
 _CHUNK = 1500
-# squared width of the weights, in variances of one number
+# squared width of the weights, in variances of one coordinate
 _WIDTH2 = 9.0
-# the adjustment ends when no pose moves farther
+# greatest step of a pose (m and rad) at which the adjustment ends
 _SETTLED_M = 1e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observations:
-    """What a run measured: K times a landmark from a frame."""
+    """K observations of a landmark in a frame."""
 
-    #: (K,) int64: which saw which; no pair twice
+    #: (K,) int64: index of the frame and of the landmark; each pair occurs once
     frame: Int64Array
     landmark: Int64Array
     measured_px: FloatArray  #: (K, 4) float64: u and v in the right image, u in the left, v in the upper
-    std_px: FloatArray  #: (K,) float64: of each number
+    std_px: FloatArray  #: (K,) float64: standard deviation of each coordinate
 
     def take(self, index: npt.NDArray[np.intp] | Int64Array | BoolArray) -> Observations:
         """Return some of them."""
@@ -43,13 +42,13 @@ class Observations:
 class Refined:
     """An adjusted run."""
 
-    poses: FloatArray  #: (F, 3) float64: x, y, theta
-    landmarks_m: FloatArray  #: (L, 3) float64: field frame
-    #: (F, 3, 3) float64: of the poses: how far the map may have drifted there. 0 for fixed ones.
+    poses: FloatArray  #: (F, 3) float64: x, y, theta of the robot
+    landmarks_m: FloatArray  #: (L, 3) float64: positions of the landmarks, field frame, metres
+    #: (F, 3, 3) float64: covariances of the poses, which include the map's drift; 0 for fixed ones
     pose_covariances: FloatArray
-    #: (L, 3, 3) float64: of the landmarks as seen from these poses, whose own uncertainty is common to neighbours
+    #: (L, 3, 3) float64: covariances of the landmarks for given poses, whose own errors are common to neighbours
     covariances: FloatArray
-    noise: FloatArray  #: (L,) float64: how large each landmark's residuals are in units of `std_px`
+    noise: FloatArray  #: (L,) float64: standard deviation of each landmark's residuals in units of `std_px`
 
 
 def refine(
@@ -65,21 +64,19 @@ def refine(
 
     Parameters
     ----------
-    poses : (F, 3) float64
-        Where to start.
-    landmarks_m : (L, 3) float64
-        Where to start.
+    poses, landmarks_m : (F, 3), (L, 3) float64
+        Start of the adjustment, field frame.
     observations : Observations
-        Int64Array are into `poses` and `landmarks_m`.
+        Their indices refer to `poses` and `landmarks_m`.
     fixed : (F,) bool
-        Fixed poses. At least one must be fixed, or the map has no place.
+        Whether each pose is fixed. At least one must be, because observations do not determine the map's place.
     iterations : int
-        At most.
+        Greatest number of iterations.
     """
     poses, landmarks = np.array(poses), np.array(landmarks_m)
     order = np.argsort(observations.landmark, kind="stable")
     s = observations.take(order)
-    slot = np.cumsum(~fixed) - 1  # of each free pose among the unknowns
+    slot = np.cumsum(~fixed) - 1  # index of each free pose among the unknowns
     for _ in range(iterations):
         system = _linearise(rig, poses, landmarks, s)
         reduced, gradient, _ = _reduce(system, s, slot, fixed, len(landmarks))
@@ -161,14 +158,14 @@ def _sum_by(index: Int64Array, values: FloatArray, count: int) -> FloatArray:
 
 def _landmark_inverses(system: _System, s: Observations, count: int) -> FloatArray:
     normal = _sum_by(s.landmark, system.landmark, count)
-    # a landmark nobody sees, or only outliers do, stays where it is
+    # a landmark without observations, or with outliers only, stays where it is
     return np.asarray(np.linalg.inv(normal + 1e-3 * np.eye(3)))
 
 
 def _blocks(
     system: _System, s: Observations, slot: Int64Array, fixed: BoolArray, count: int
 ) -> list[tuple[int, int, FloatArray]]:
-    """Cross parts as dense matrices (3 * free poses, 3 * landmarks), a chunk of landmarks at a time."""
+    """Return the cross parts of landmarks `low` to `high` as dense matrices (3 * free poses, 3 * landmarks)."""
     free = int((~fixed).sum())
     starts = np.searchsorted(s.landmark, np.arange(0, count + _CHUNK, _CHUNK))
     blocks = []
@@ -185,7 +182,7 @@ def _blocks(
 def _reduce(
     system: _System, s: Observations, slot: Int64Array, fixed: BoolArray, count: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Equations of the free poses alone, their right side, and the landmarks' inverse normal matrices."""
+    """Return the reduced normal matrix and gradient of the free poses, and the landmarks' inverse normal matrices."""
     free = int((~fixed).sum())
     moving = ~fixed[s.frame]
     own = _sum_by(slot[s.frame[moving]], system.pose[moving], free)
@@ -203,14 +200,14 @@ def _reduce(
 
 
 def _back(system: _System, s: Observations, moves: FloatArray, count: int) -> FloatArray:
-    """Return the landmarks' steps that go with steps of the poses."""
+    """Return the best steps of the landmarks for steps of the poses."""
     own = system.landmark_gradient - np.einsum("nij,ni->nj", system.cross, moves[s.frame])
     return np.asarray(np.einsum("lij,lj->li", _landmark_inverses(system, s, count), _sum_by(s.landmark, own, count)))
 
 
 def _noise(system: _System, s: Observations, count: int) -> FloatArray:
-    """Root mean square of each landmark's residuals, drawn towards 1 as if by one more observation."""
-    # an observation has four numbers; placing the landmark takes three of all of them
+    """Return the root mean square of each landmark's residuals, shrunk towards 1 by one pseudo-observation."""
+    # an observation has four coordinates; a landmark has three unknowns
     numbers = np.maximum(4.0 * np.bincount(s.landmark, minlength=count) - 3.0, 0.0)
     total = np.bincount(s.landmark, weights=system.squared, minlength=count)
     return np.asarray(np.sqrt((4.0 + total) / (4.0 + numbers)))

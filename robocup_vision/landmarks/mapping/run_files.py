@@ -37,7 +37,7 @@ class TrinocularRig:
     """Three equal cameras in an L: the right one is the reference, one is to its left and one above it."""
 
     right: PinholeCamera  #: the reference, as mounted on the robot; its tilt must be known
-    baseline_m: float = _BASELINE_M  #: from it to each of the others, along its own image axes
+    baseline_m: float = _BASELINE_M  #: distance of the left and the top camera from it, along its own image axes
 
     def __post_init__(self) -> None:
         if not self.baseline_m > 0:
@@ -70,13 +70,13 @@ class _RunFile(StrictStruct):
 
 @dataclass(frozen=True, eq=False)
 class MappingRun:
-    """A run, its images still on the disk."""
+    """A run, whose images are read from the disk when needed."""
 
-    folder: Path  #: holds right/, left/ and top/
-    names: tuple[str, ...]  #: of the images, one a moment, in order
+    folder: Path  #: contains right/, left/ and top/
+    names: tuple[str, ...]  #: names of the images, one for each moment, in order
     rig: TrinocularRig  #: the cameras
-    start: Pose2  #: the robot at the first moment
-    odometry: dict[str, Pose2]  #: motion since the moment before, by image, where known
+    start: Pose2  #: pose of the robot at the first moment, field frame
+    odometry: dict[str, Pose2]  #: motion since the moment before, by image, if known
 
     def read(self) -> Iterator[tuple[str, list[UInt8Array]]]:
         """Yield each moment's name and images, right, left and top.

@@ -1,4 +1,4 @@
-"""Estimates points in space by three images: correspondence, position, covariance (Ogawa et al. 2011, eqs. 3 to 6)."""
+"""Matches features of three images and triangulates them, with covariances (Ogawa et al. 2011, eqs. 3 to 6)."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from robocup_vision.arrays import FloatArray, Int64Array
 from robocup_vision.landmarks.features import PIXEL_STD_PER_SPACING, Features, match
 from robocup_vision.landmarks.mapping.run_files import TrinocularRig
 
-# distance from the epipolar line, and difference of both disparities, in standard deviations of the difference
+# greatest distance from the epipolar line, and greatest difference of both disparities, in standard deviations
 _MAX_DEVIATION = 3.0
-# of two features' sizes: the paper's "within one level of scale"; levels of an octave differ by 2^(1/3)
+# greatest ratio of two features' sizes: the paper's "within one level of scale"; levels of an octave differ by 2^(1/3)
 _MAX_SCALE_RATIO = 2.0 ** (1.0 / 3.0) * 1.05
-_MIN_DEPTH_M = 0.25  # nearest point: it bounds the search
+_MIN_DEPTH_M = 0.25  # least depth of a point, which bounds the disparity
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StereoPoints:
-    """Features of the right image that are in the other two as well."""
+    """Features of the right image that were matched in both other images, with their positions."""
 
-    index: Int64Array  #: (N,) int64: which of the right image's features these are
-    features: Features  #: those, N of them
-    #: (N, 4) float64: u and v in the right image, u in the left, v in the upper: the measurements of the position
+    index: Int64Array  #: (N,) int64: indices of these features in the right image
+    features: Features  #: the N features of the right image
+    #: (N, 4) float64: u and v in the right image, u in the left, v in the upper
     measured_px: FloatArray
-    std_px: FloatArray  #: (N,) float64: of each of these numbers
-    points_m: FloatArray  #: (N, 3) float64: in the right camera's frame (eq. 4).
-    covariances: FloatArray  #: (N, 3, 3) float64: of the points (eq. 6).
+    std_px: FloatArray  #: (N,) float64: standard deviation of each of these coordinates
+    points_m: FloatArray  #: (N, 3) float64: positions in the right camera's frame (eq. 4)
+    covariances: FloatArray  #: (N, 3, 3) float64: covariances of the positions (eq. 6)
 
     def __len__(self) -> int:
         return len(self.points_m)
@@ -40,10 +40,10 @@ class StereoPoints:
 
 
 def correspond(rig: TrinocularRig, right: Features, left: Features, top: Features) -> StereoPoints:
-    """Match the features of three simultaneous images, and locate them in space.
+    """Match the features of three simultaneous images, and triangulate them.
 
-    A partner lies on the epipolar line, is within one level of scale and passes the ratio test, in the left and in the
-    upper image; both disparities must agree.
+    In the left and in the upper image a match lies on the epipolar line, is within one level of scale and passes the
+    ratio test. Both disparities must agree.
     """
     std_r, std_l, std_t = (PIXEL_STD_PER_SPACING * f.spacing_px for f in (right, left, top))
     fx, fy = rig.right.focal_px
@@ -76,14 +76,14 @@ def correspond(rig: TrinocularRig, right: Features, left: Features, top: Feature
 
 
 def place(rig: TrinocularRig, measured_px: FloatArray, std_px: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Points (N, 3) in the right camera's frame and covariances (N, 3, 3) of measurements (N, 4). Eqs. 4 to 6."""
+    """Return points (N, 3), right camera's frame, and covariances (N, 3, 3), of measurements (N, 4) (eqs. 4 to 6)."""
     (fx, fy), (cu, cv) = rig.right.focal_px, rig.right.center_px
     u, v, u_left, v_top = measured_px.T
     disparity = ((u_left - u) / fx + (v_top - v) / fy) / 2
     depth = rig.baseline_m / disparity
     sx, sy = (u - cu) / fx, (v - cv) / fy
     points = np.stack([depth, -sx * depth, -sy * depth], axis=-1)
-    # by u, v, u of the left, v of the upper image
+    # derivatives by u and v in the right image, u in the left, v in the upper
     of_disparity = np.array([-0.5 / fx, -0.5 / fy, 0.5 / fx, 0.5 / fy])
     direction = np.stack([np.ones_like(sx), -sx, -sy], axis=-1)
     jacobian = direction[:, :, None] * (-depth / disparity)[:, None, None] * of_disparity

@@ -1,7 +1,7 @@
-"""Builds the landmark map from a run with three cameras (Ogawa et al. 2011, section 2), with its drift bounded.
+"""Builds the landmark map from a run with three cameras (Ogawa et al. 2011, section 2), with bounded drift.
 
-The paper tracks each frame against the map and adds to it. Here, besides, poses and landmarks of the last keyframes are
-adjusted together, and those of the whole run when it comes back to what it saw before and when it ends.
+The paper tracks each frame against the map and adds new landmarks. In addition, poses and landmarks of the last frames
+are adjusted jointly, and those of the whole run when a loop closes and at the end.
 """
 
 from __future__ import annotations
@@ -24,45 +24,45 @@ from robocup_vision.landmarks.mapping.run_files import TrinocularRig
 from robocup_vision.landmarks.mapping.stereo import StereoPoints, correspond
 from robocup_vision.landmarks.pose_fit import CHI2_3DOF, PoseFit, fit_stereo, to_world, world_to_camera
 
-# Pixels are those of an image 320 wide; they grow with the width.
-# half the window, along u and v, around where the predicted pose puts a landmark; the paper's
+# pixels are those of an image 320 wide, and are scaled with the width
+# half the paper's window, along u and v, around a landmark's pixel by the predicted pose
 _GATE_PX = (40.0, 20.0)
-_WIDER = 2.0  # the window of a second attempt, in windows of the first, where too little agrees
-# a stereo point's depth may differ from the expected one by this factor: stereo error at 5 m
+_WIDER = 2.0  # factor on the window for a second attempt after too few inliers
+# greatest factor between a stereo point's depth and the expected one: the stereo error at 5 m
 _DEPTH_RATIO = 1.25
-_KNOWN_GATE_PX = 6.0  # half the window once the pose is found
-# a pose has three unknowns and each landmark three numbers; eight leave enough over to reject a wrong pose
+_KNOWN_GATE_PX = 6.0  # half the window after the pose has been fitted
+# a pose has three unknowns, and each landmark gives three numbers: eight are redundant enough to reject a wrong pose
 _MIN_INLIERS = 8
-_MIN_INLIER_RATIO = 0.4  # of the matches
-# moments whose poses and landmarks are adjusted together, and after how many moments
+_MIN_INLIER_RATIO = 0.4  # least inlier ratio of the matches
+# number of moments whose poses and landmarks are adjusted jointly, and number of moments between adjustments
 _WINDOW = 12
 _REFINE_EVERY = 4
-# a loop closes when this many landmarks come into view again after this many moments out of view
+# a loop closes when this number of landmarks is seen again after being out of view for this number of moments
 _AWAY_FRAMES = 30
 _MIN_RETURNED = 12
 
 
 @dataclass(frozen=True, slots=True)
 class MapStep:
-    """What one moment added to the map."""
+    """Result of adding one moment to the map."""
 
-    pose: PoseEstimate | NotLocated  #: the robot; where it is not located, the moment is left out of the map
-    stereo_points: int  #: features seen by all three cameras
-    matched: int  #: of these, known landmarks
-    closes_loop: bool = False  #: whether the run came back to what it had not seen for long
+    pose: PoseEstimate | NotLocated  #: pose of the robot; a moment without one is left out of the map
+    stereo_points: int  #: number of features seen by all three cameras
+    matched: int  #: number of these that are known landmarks
+    closes_loop: bool = False  #: whether landmarks were seen again after a long time
 
 
 class StereoMapper:
-    """Makes a landmark map, moment by moment.
+    """Makes a landmark map, moment by moment; a moment is one image of each of the three cameras.
 
     Parameters
     ----------
     start : Pose2
-        The robot at the first moment, in the field frame.
+        Pose of the robot at the first moment, field frame.
     bound_drift : bool
-        Adjust poses and landmarks together; without it, as in the paper, errors add up along the run.
+        Adjust poses and landmarks jointly; without it, as in the paper, errors add up along the run.
     extractor : Extractor, optional
-        What finds the features of all three cameras; SIFT unless given.
+        Finds the features of all three cameras; SIFT by default.
     """
 
     def __init__(
@@ -85,21 +85,21 @@ class StereoMapper:
 
     @property
     def poses(self) -> tuple[Pose2, ...]:
-        """Estimates of the robot's pose at every moment that is in the map."""
+        """Estimates of the robot's pose at every moment of the map."""
         return tuple(Pose2(*(float(v) for v in pose)) for pose in self._poses)
 
     def __len__(self) -> int:
         return len(self._draft)
 
     def add(self, right: UInt8Array, left: UInt8Array, top: UInt8Array, odometry: Pose2 | None = None) -> MapStep:
-        """Add the images, (H, W, 3) uint8 BGR, of one moment.
+        """Add the images of one moment.
 
         Parameters
         ----------
         right, left, top : (H, W, 3) uint8
-            Of the rig's cameras.
+            BGR images of the rig's cameras.
         odometry : Pose2, optional
-            The robot's motion since the moment before, in its frame then. Without it, it is taken to move on as before.
+            The robot's motion since the moment before, in its frame then. By default the last motion is repeated.
 
         Raises
         ------
@@ -135,7 +135,7 @@ class StereoMapper:
         return MapStep(pose, len(points), matched, closes)
 
     def finish(self) -> LandmarkMap:
-        """Merge duplicates, adjust the whole run, drop what was seen only once, and return the map.
+        """Merge duplicates, adjust the whole run, drop landmarks seen only once, and return the map.
 
         Raises
         ------
@@ -147,7 +147,7 @@ class StereoMapper:
         if self._bound_drift and len(self._poses) > 1:
             self._refine(0, iterations=10)
             draft.merge_duplicates()
-            # now that it is known how precisely each landmark is seen
+            # again with each landmark's own noise, which the first adjustment estimates
             self._refine(0, iterations=5, by_noise=True)
         twice = np.bincount(draft.observations.landmark, minlength=len(draft)) >= 2
         if not twice.any():
@@ -164,7 +164,7 @@ class StereoMapper:
         return last.compose(self.poses[-2].inverse().compose(last)).array
 
     def _track(self, points: StereoPoints, predicted: FloatArray) -> PoseFit | None:
-        """Find the state: the paper's gates first, and once more twice as wide if too little agrees."""
+        """Fit the pose with the paper's gates, and again with wider gates if too few matches agree."""
         camera = self.rig.right
         scale = camera.size_px[0] / 320
         for widen in (1.0, _WIDER):
@@ -190,7 +190,10 @@ class StereoMapper:
         return None
 
     def _update(self, right: Features, points: StereoPoints) -> tuple[int, int]:
-        """Match again from the state just found; update, count and extend. Return how many matched and returned."""
+        """Match again at the fitted pose, and update and extend the map.
+
+        Returns the numbers of landmarks that were updated, and of these that had been out of view for long.
+        """
         draft, camera, pose = self._draft, self.rig.right, self._poses[-1]
         frame = len(self._poses) - 1
         expected = expect(draft, camera, pose)
@@ -218,7 +221,7 @@ class StereoMapper:
         gain = draft.covariances[landmarks] @ np.linalg.inv(draft.covariances[landmarks] + noise)
         offset = measured - draft.positions_m[landmarks]
         squared = np.einsum("ni,nij,nj->n", offset, np.linalg.inv(draft.covariances[landmarks] + noise), offset)
-        good = squared < 2 * CHI2_3DOF  # the pose has an error of its own
+        good = squared < 2 * CHI2_3DOF  # twice, because the pose has an error, too
         landmarks, which, gain, offset = landmarks[good], which[good], gain[good], offset[good]
         returned = int((draft.last_frame[landmarks] < frame - _AWAY_FRAMES).sum())
         draft.positions_m[landmarks] += np.einsum("nij,nj->ni", gain, offset)
@@ -250,7 +253,7 @@ class StereoMapper:
         self._draft.note_observations(landmarks, part, len(self._poses) - 1)
 
     def _refine(self, first: int, *, iterations: int = 4, by_noise: bool = False) -> None:
-        """Adjust the poses from `first` on, and all landmarks these see; of all poses, the very first stays."""
+        """Adjust the poses from index `first` on, but never the first one, and all landmarks seen from them."""
         draft = self._draft
         everything = draft.observations
         involved = np.zeros(len(draft), dtype=bool)
@@ -266,8 +269,8 @@ class StereoMapper:
         )
         self._poses = list(refined.poses)
         if first == 0 and not by_noise:
-            # over a window the older poses' own uncertainty would be left out; and by the landmarks' own noise the
-            # run would seem better than it is: a landmark's errors in successive moments are much the same
+            # a window's covariances leave out the uncertainty of older poses, and those by the landmarks' own noise are
+            # too small, because a landmark's errors in successive moments are correlated
             self._pose_covariances = list(refined.pose_covariances)
         draft.positions_m[involved] = refined.landmarks_m
         draft.covariances[involved] = refined.covariances

@@ -65,7 +65,7 @@ class GoalAxes:
 class GoalAngles:
     """The paper's angles between the planes through the camera and the three axes, radians (eqs. 1-6)."""
 
-    #: between the posts' planes, and between each post's plane and the bar's
+    #: angles between the posts' planes, and between each post's plane and the bar's
     gamma: float
     phi_right: float
     phi_left: float
@@ -178,7 +178,7 @@ class GoalSighting:
     """A camera pose by a goal's angles."""
 
     estimate: PoseEstimate  #: foot of the camera on the floor and heading of its optical axis
-    #: of the camera, by the common direction of the posts
+    #: tilt and roll of the camera by the common direction of the posts
     tilt_rad: float
     roll_rad: float
 

@@ -23,7 +23,7 @@ _MIN_STD = 1e-6
 _FLIP = np.diag([-1.0, -1.0, 1.0, -1.0, -1.0, 1.0, *[1.0] * 5])
 # least duration of a motion relative to the slip's correlation time, so that a quotient is finite
 _MIN_TIMES = 1e-4
-# bounds that keep numbers finite for frames of one time, or a robot that drives long without any
+# bounds that keep numbers finite for frames of one time, and for long motions without a frame
 _MAX_REPEATED, _MIN_KEPT, _MAX_BIAS = 0.9, 1e-3, 1e2
 _POSE, _BIAS, _SLIP, _GAIN = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 11)
 _STATE = 11
@@ -67,11 +67,11 @@ class PoseMeasurement:
 class PoseMode:
     """A pose modulo the half turn about the field's centre, tracked over time."""
 
-    pose: Pose2  #: in the more probable half
+    pose: Pose2  #: the pose in the more probable half
     #: (8,) float64: bias of the frames, field frame, m, m and rad; slip, robot frame, x, y, theta; gain errors of way
     #: and rotation. The latter two are in standard deviations.
     hidden: FloatArray
-    covariance: FloatArray  #: (11, 11) float64: of pose and hidden
+    covariance: FloatArray  #: (11, 11) float64: covariance of `pose` and `hidden`
     #: (3, 3) float64: prior covariance of the bias, of the best of the last matching frames
     bias: FloatArray
     bias_kept: float  #: correlation of the bias with that of the last of these frames, after the motion since
@@ -79,10 +79,10 @@ class PoseMode:
     half_log_odds: float  #: ln(p / (1 - p)) for the pose against its half turn; never negative
     agrees: bool  #: whether the last frame matches
     agreed_s: float  #: time of the last matching frame
-    #: half measured by the last frame with a known half: this one (1) or the other (-1); 0 if none yet
+    #: half measured by the last frame with a known half: that of `pose` (1) or the other (-1); 0 if none yet
     reported_half: int
     half_reported_s: float  #: time of that frame
-    #: of the last matching frame
+    #: inlier ratio and residual of the last matching frame
     inlier_ratio: float
     residual_px: float
 
@@ -235,7 +235,7 @@ class PoseMode:
 class FacedFrame:
     """A mode before a frame, and the frame, for their distance and the update."""
 
-    mode: PoseMode  #: with the bias that it shares with the frame
+    mode: PoseMode  #: the mode, with the bias that it shares with the frame
     measurement: PoseMeasurement
     on_top: FloatArray  #: (3, 3) float64: covariance of the frame's additional bias
 

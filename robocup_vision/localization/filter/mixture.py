@@ -92,7 +92,7 @@ class Mixture:
                         weighed = replace(weighed, log_weight=weighed.log_weight + miss)
                 modes.append(weighed)
         else:
-            # by all modes this is a new error, or the robot is elsewhere
+            # no mode matches: this is a new error, or the robot is elsewhere
             log_chance = math.log(fresh * errors.outlier_rate)
             for rank, mode in enumerate(self.modes):
                 modes.append(replace(mode, log_weight=mode.log_weight + log_chance, agrees=mode.agrees and rank > 0))

@@ -1,10 +1,10 @@
 """Log-likelihood ratio of a pose by line points: points of painted lines among clutter, against clutter alone.
 
 A point of clutter lies near a line by chance, with a probability that follows from the camera and the density of the
-field's lines: near the robot a few pixels are little floor, far off they reach from line to line. Of the points that a
-pose puts on the carpet an unknown fraction is of lines; the rest is clutter, such as other robots. Points in one patch
-of floor err alike and count as one. Any straight edge can be put on some line by a choice of the pose, so the line that
-has the most evidence does not count.
+field's lines: a few pixels cover little floor near the robot, and reach from line to line far away. An unknown fraction
+of the points on the carpet is of lines; the rest is clutter, such as other robots. Points in one patch of floor have
+common errors and count as one. Some pose puts any straight edge on a line, so the line with the most evidence is not
+counted.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from robocup_vision.localization.lines.line_map import LineMap
 from robocup_vision.localization.lines.search import NOISE_PX, POINTS_PER_PATCH, patches
 from robocup_vision.perception.line_points import LinePoints
 
-# bound of the fraction of points on lines, and of the probability of chance: fields and cameras are known no better
+# greatest fraction of points on lines, and bounds of the probability of chance: fields and cameras are not known better
 _MAX_RATIO, _CHANCE = 0.98, (1e-3, 1.0 - 1e-6)
 
 
@@ -38,7 +38,7 @@ class LinePointEvidence:
         full = np.minimum(1.0, count / POINTS_PER_PATCH)
         self._weight: FloatArray = points.weight * (full / np.maximum(total, 1e-9))[member]
         metres_per_px = np.sqrt(points.floor_per_px2)
-        # the lines that a point's surroundings hold if they lie as on the field, but anywhere
+        # expected number of lines near a point, if the field's lines were anywhere with their usual density
         expected = 2 * self._near_px * metres_per_px * line_map.lines_per_m
         self._chance: FloatArray = np.clip(1.0 - np.exp(-expected), *_CHANCE)
 
@@ -57,7 +57,7 @@ class LinePointEvidence:
 
 
 def _gain(weight: FloatArray, chance: FloatArray, on_line: BoolArray) -> FloatArray:
-    """Return the log-likelihood ratio (N,) of each point, by the fraction of points on lines that these points have."""
+    """Return the log-likelihood ratio (N,) of each point, with the most likely fraction of points on lines."""
     free = float(weight @ (1.0 - chance))
     if not free > 0.0:
         return np.zeros(len(weight))

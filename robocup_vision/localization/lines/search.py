@@ -98,7 +98,7 @@ def thinned(points: LinePoints) -> LinePoints:
 
 
 def _one_per_patch(points: LinePoints) -> LinePoints:
-    """Return at most `max_points` points, one for each patch of floor, preferably with floor on both sides."""
+    """Return one point for each patch of floor, preferably with floor on both sides."""
     order = np.argsort(-points.weight, kind="stable")
     _, first, count = patches(points.floor_m[order])
     # a line crosses a patch in several points; a single point is more likely a speck
@@ -107,7 +107,7 @@ def _one_per_patch(points: LinePoints) -> LinePoints:
 
 
 class Patches(NamedTuple):
-    """Squares of floor that share N points."""
+    """Squares of floor, and which of N points are in each."""
 
     member: Int64Array  #: (N,) int64: patch of each point
     first: Int64Array  #: (P,) int64: first point of each patch
@@ -127,7 +127,7 @@ def patches(floor_m: FloatArray) -> Patches:
 
 
 def _best_of_grid(floor_m: FloatArray, line_map: LineMap) -> FloatArray:
-    """Return distinct best poses (K, 3) of the grid over the field, K <= `max_starts`."""
+    """Return distinct best poses (K, 3) of the grid over the field, K <= `_MAX_STARTS`."""
     cell = CELL_M
     step = round(_GRID_STEP_M / cell)
     low, high = line_map.extent_m

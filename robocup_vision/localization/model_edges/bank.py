@@ -1,4 +1,4 @@
-"""A bank of poses all over a field, with the tables by which they are scored, prepared once."""
+"""Prepares a bank of poses all over a field, and the tables by which they are scored."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robocup_vision.kernels.model_edges.sightings import Uprights
 from robocup_vision.localization.model_edges.field_edges import MIN_CHROMA
 
 _CELL_M = 0.04
-_MARGIN_M = 0.6  # of the table of distances beyond the outer lines
+_MARGIN_M = 0.6  # margin of the table of distances beyond the outer lines
 _CUT_OFF_M = 1.2
 # weights of bearing and size of a beacon, and of a post, in line points
 _BEACON_WEIGHT, _POST_WEIGHT = 8.0, 2.0
@@ -47,7 +47,7 @@ def with_walls(bank: Bank, field: Field) -> Bank:
 
 
 def _distances(points_m: FloatArray, origin_m: FloatArray, shape: tuple[int, ...]) -> Float32Array:
-    """Distances, metres, of cells from points (N, 2), cut off; points beside the table are left out."""
+    """Return distances (R, C), metres, of cells from points (N, 2), limited; points beside the table are left out."""
     away = np.full(shape, 255, dtype=np.uint8)
     column, row = np.rint((points_m - origin_m) / _CELL_M).astype(np.intp).T
     inside = (row >= 0) & (column >= 0) & (row < shape[0]) & (column < shape[1])
@@ -88,7 +88,7 @@ def prepare_uprights(field: Field) -> Uprights:
             places.append([goal.line_x_m, -half, goal.line_x_m, half])
             sizes.append([goal.height_m + goal.post_radius_m, 2 * goal.post_radius_m, _POST_WEIGHT])
         else:
-            # its back panel is what most places see all of
+            # the back panel is the part that is entirely visible from most places
             places.append([goal.back_x_m, 0.0] * 2)
             sizes.append([goal.height_m, goal.width_m, _POST_WEIGHT])
     size = np.array(sizes, dtype=np.float64).reshape(-1, 3)

@@ -1,9 +1,9 @@
-"""Decides whether a frame confirms a pose, and weighs poses found without a prior against each other.
+"""Decides whether a frame confirms a pose, and compares poses found without a prior with each other.
 
-The logarithm of the odds that a pose is right is linear in what its fit finds, leaves unexplained and fixes. One set of
-weights serves fits near a prior and fits all over the field; how probable a pose is before a frame is seen, is told by
-a constant for each. Hidden samples are neutral on the floor, where robots stand before lines, and count a little
-against a pose higher up; missing ones count against it.
+The log odds that a pose is right are linear in the figures of its fit. One set of weights serves fits near a prior and
+fits all over the field; for each of these two cases a constant states how probable a pose is before the frame is seen.
+Missing samples count against a pose. Hidden samples are neutral on the floor, where robots stand before lines, and
+count a little against a pose above the floor.
 
 Many poses of a field explain a picture well. Their posterior is a conditional logit over all poses that were fitted,
 with one more outcome: the right pose is not among them.
@@ -21,8 +21,8 @@ import numpy.typing as npt
 from robocup_vision.arrays import FloatArray
 from robocup_vision.localization.model_edges.weights import EdgeWeights
 
-# least number of inliers, and of samples found on edges that the field's other half lacks for a frame to show the
-# half: two may agree by chance
+# least number of inliers of a pose; also of samples found on edges that the field's other half lacks, for a frame that
+# shows the half. Two samples may agree by chance.
 MIN_INLIERS = 3
 
 
@@ -42,8 +42,8 @@ class Evidence(NamedTuple):
     position_std_m: float
     found_upright: float
     hidden_upright: float
-    log_odds: float  #: that the pose is right, near a prior
-    log_odds_if_fixed: float  #: the same if the frame also fixed the position
+    log_odds: float  #: log odds that the pose is right, near a prior
+    log_odds_if_fixed: float  #: log odds if the frame also fixed the position
 
     @property
     def found_ratio(self) -> float:
@@ -59,9 +59,9 @@ class Evidence(NamedTuple):
         return f"{places}{hidden_too}, {self.explained:.0f} of {self.points:.0f} line points are explained"
 
     def log_odds_anywhere(self, weights: EdgeWeights) -> float:
-        """Logarithm of the odds of a pose found without a prior to that none that was found is right."""
+        """Return the log odds of a pose found without a prior against the outcome that no pose found is right."""
         constant, of_distance2 = weights.near_prior[:2].tolist()
-        # a search's proposal is no evidence, and so the distance from it is none
+        # a search's proposal is no evidence, so the distance from it does not count
         terms = self.log_odds - constant - of_distance2 * self.prior_distance2
         return float(weights.anywhere + weights.within_picture * terms)
 
@@ -70,15 +70,15 @@ class Verdict(NamedTuple):
     """The verdict on a fit."""
 
     reason: str | None  #: why it is rejected; None where it is accepted
-    #: of the frame for a right and for a wrong pose. A frame that agrees with a pose without fixing it is neutral, and
-    #: a few samples count against it only by contradictions.
+    #: log-likelihood ratio of the frame, for a right against a wrong pose; 0 for a frame that agrees with the pose
+    #: without determining it, at most 0 with too few inliers
     log_likelihood_ratio: float
 
 
 def weigh(evidence: Evidence, prior_log_odds: float = 0.0) -> Verdict:
     """Weigh a fit, given the log odds that its prior is right by the frames before."""
     e, odds = evidence, evidence.log_odds
-    # an open position shows little, but nothing against the pose
+    # an open position does not contradict the pose
     ratio = max(odds, min(e.log_odds_if_fixed, 0.0))
     if e.inliers < MIN_INLIERS:
         return Verdict(f"only {e.inliers:.0f} of {e.looked_for:.0f} places on edges agree", min(ratio, 0.0))
@@ -101,9 +101,9 @@ class CandidateSettings:
 
 
 def posterior(log_weights: npt.ArrayLike) -> FloatArray:
-    """Return the probability of each pose, (N,) float64; the rest, up to 1, is the probability that none is right.
+    """Return the probability of each pose, (N,) float64; 1 less their sum is the probability that none is right.
 
-    `log_weights` are the log odds of each pose to that none of them is right.
+    `log_weights` (N,) are the log odds of each pose against the outcome that none of them is right.
     """
     weights = np.append(np.asarray(log_weights, dtype=np.float64), 0.0)
     weights = np.exp(weights - weights.max())
@@ -111,7 +111,7 @@ def posterior(log_weights: npt.ArrayLike) -> FloatArray:
 
 
 def accepted(probabilities: FloatArray, settings: CandidateSettings) -> list[int]:
-    """Return the indices of the accepted poses, the most probable first; none where none is probable enough."""
+    """Return the indices of the accepted poses, the most probable first; empty if they are not probable enough."""
     order = np.argsort(-probabilities)[: settings.max_candidates]
-    (enough,) = np.nonzero(np.cumsum(probabilities[order]) >= settings.min_probability)
-    return [int(one) for one in order[: enough[0] + 1]] if len(enough) else []
+    (reached,) = np.nonzero(np.cumsum(probabilities[order]) >= settings.min_probability)
+    return [int(one) for one in order[: reached[0] + 1]] if len(reached) else []

@@ -1,4 +1,4 @@
-"""Tables of the field's edges and of the lens, prepared once for the compiled loops."""
+"""Tables of the field's edges, prepared once for the compiled loops."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ Bgr = tuple[float, float, float]
 
 # a paint this colourful (largest minus smallest channel) differs from any grey background by its colour alone
 MIN_CHROMA = 60.0
-# a paint whose every channel is so light is white
+# least value of each channel of a white paint
 _MIN_WHITE = 150.0
-# step of white, grey and black things before an unknown background, as a fraction of that before carpet
+# step of white, grey and black objects before an unknown background, as a fraction of that before carpet
 _PLAIN_STEP = 0.5
-# farther than any camera sees, and flatter than any pixel
+# sides of boxes: longer than any camera sees, and flatter than any pixel
 _FAR_M, _FLAT_M = 1000.0, 1e-6
 
 
 def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
     """Gather the edges of a field that a camera may see.
 
-    Channel 0 is that of lines: blue and red together, in which green carpet is dark. Things that look like lines
-    farther than `lines_end_m` beyond its outer lines are not the field's.
+    Channel 0 is that of lines: blue and red together, in which green carpet is dark. What looks like a line farther
+    than `lines_end_m` beyond the outer lines is not the field's.
     """
     carpet = np.array(COLOR_NAMES["green"], dtype=np.float64)
     channels: list[list[float]] = []
@@ -43,7 +43,7 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
     def color(name: str) -> FloatArray:
         return np.array(COLOR_NAMES[name], dtype=np.float64)
 
-    def before_anything(name: str) -> float:
+    def on_unknown_background(name: str) -> float:
         paint = color(name)
         weights = paint - paint.mean()
         if np.ptp(paint) > MIN_CHROMA:
@@ -78,11 +78,11 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
             paint = wall if goal is None else between(color(goal.color), carpet)
             foot(start.tolist(), end.tolist(), field.wall_height_m if goal is None else goal.height_m, paint)
     for goal in field.goals:
-        paint = before_anything(goal.color)
+        paint = on_unknown_background(goal.color)
         if goal.kind == "panels":
             for panel in goal.panels.tolist():
                 foot(panel[:2], panel[2:], goal.height_m, between(color(goal.color), carpet))
-            paint, top_m = before_anything(goal.color), goal.height_m
+            paint, top_m = on_unknown_background(goal.color), goal.height_m
             if field.is_bounded and field.wall_color != goal.color:
                 # the background above the boards is not known
                 paint = between(color(goal.color), color(field.wall_color))
@@ -102,7 +102,7 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
         band = beacon.height_m / len(beacon.colors)
         for k, name in enumerate(beacon.colors):
             place = [beacon.x_m, beacon.y_m, beacon.radius_m]
-            cylinders.append([*place, k * band, (k + 1) * band, before_anything(name), next(features)])
+            cylinders.append([*place, k * band, (k + 1) * band, on_unknown_background(name), next(features)])
             if k:
                 step = between(color(name), color(beacon.colors[k - 1]))
                 rings.append([*place, k * band, step, band, next(features)])
@@ -119,9 +119,9 @@ def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:
 
 
 def telling_features(edges: FieldEdges) -> BoolArray:
-    """Return which edges (F,), by `Samples.feature`, show the field's half: their half turns are no edges.
+    """Return which edges (F,), by `Samples.feature`, show the field's half, because their half turns are no edges.
 
-    A camera distinguishes paints by their colours, not by their brightness.
+    Paints are compared by colour and not by brightness, as a camera distinguishes them.
     """
     looks: list[tuple[int, object, object]] = []
 
@@ -141,7 +141,7 @@ def telling_features(edges: FieldEdges) -> BoolArray:
         add(feature, *((end, width, color(channel), *kind) for end in ends))
     for x, y, radius, start, sweep, width, channel, feature in edges.arcs.tolist():
         middle = start + sweep / 2
-        # a circle is the same whatever it begins with
+        # the start of a full circle does not matter
         top = (0.0, 0.0) if abs(sweep) > math.tau - 1e-9 else (math.cos(middle), math.sin(middle))
         rest = (round(radius, 6), round(abs(sweep), 6), width, color(channel))
         add(feature, *((at(sign, x, y, *top), *rest) for sign in (1.0, -1.0)))
@@ -165,7 +165,7 @@ def telling_features(edges: FieldEdges) -> BoolArray:
 
 
 def _nets(field: Field) -> list[list[float]]:
-    """Return the boxes that nets enclose: cords are bright, and the carpet between them is the field's."""
+    """Return the boxes that nets enclose: bright cords before carpet look like lines."""
     return [
         [*sorted((g.line_x_m, g.back_x_m)), -g.width_m / 2, g.width_m / 2, 0.0, g.net.height_m]
         for g in field.goals

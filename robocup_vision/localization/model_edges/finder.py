@@ -1,4 +1,4 @@
-"""Finds a pinhole camera without a prior: a bank of poses proposes, the follower's fit and verdict decide."""
+"""Finds a pinhole camera without a prior: proposes poses by a bank, and decides by the follower's fits and verdict."""
 
 from __future__ import annotations
 
@@ -37,29 +37,28 @@ _AnyPose = TypeVar("_AnyPose", bound=Pose2)
 
 _CORNERS, _QUARTER_RAD = 4, math.pi / 2
 _NO_ENDS = np.zeros((0, 3))
-# an answer of 99 % probability ends the search
-_SURE_LOG_ODDS = math.log(99.0)
-# grid of the bank. The steps of aligning must reach from one node to the next; a spacing is a whole number of
-# cells
+_SURE_LOG_ODDS = math.log(99.0)  # an answer of 99 % probability ends the search
+# grid of the bank: alignment must converge from the nearest node; the spacing is a whole number of the table's cells
 _SPACING_M, _HEADING_STEP_RAD = 0.24, math.radians(6.0)
 _FITTED, _WEIGHED = 12, 6  # numbers of poses fitted, and compared with each other
-# most proposals by beacons and posts, and the distance between them on a circle about one
+# greatest number of proposals by beacons and posts, and the distance between them on a circle about one
 _MAX_UPRIGHT_POSES, _STEP_M = 400, 0.2
-_LIKELY = 16  # number of the likeliest poses that are aligned in all steps
+_LIKELY = 16  # number of the likeliest poses that pass all steps of the alignment
 # greatest excess of missed line points over the best proposal's for a proposal to be fitted
 _MAX_MORE_MISSED = 6.0
 # greatest difference of a pose's log-likelihood after the first fit from the best one's
 _MAX_LOG_LIKELIHOOD_DROP = 4.0
-_TURNED = 2  # number of the likeliest whose half turns are compared, too, where the halves of the field differ
+_TURNED = 2  # number of the likeliest poses whose half turns are also fitted where the halves of the field differ
 _APART = Apart(0.2, math.radians(6.0))  # proposals and answers nearer to each other count as one
-_GATES_PX = (20.0, 10.0, 5.0, 3.0, 3.0)  # steps of aligning: scale of the robust weight, pixels of a picture 208 wide
-# standard deviations of a proposal, as the prior of its fit; the heading's is that of a pose of the bank, too
+# scale of the robust weight in each step of the alignment, in pixels of a picture 208 wide
+_GATES_PX = (20.0, 10.0, 5.0, 3.0, 3.0)
+# standard deviations of a proposal, as the prior of its fit; the heading's is also that of a pose of the bank
 PROPOSAL_STD_M, PROPOSAL_STD_RAD = 0.10, math.radians(3.5)
-# most fits from the last one's result without its prior, and the motions that end them
+# greatest number of repeated fits, each from the last result, and the changes of the pose below which they end
 _SETTLING, _SETTLED_M, _SETTLED_RAD = 2, 0.02, math.radians(0.5)
 # standard deviations of a lost camera's pose about the last one, and the fraction of lost cameras that are near it
 _LOST_STD_M, _LOST_STD_RAD, _NEAR_RATIO = 0.5, 0.5, 0.5
-_POINTS = 60  # most line points
+_POINTS = 60  # greatest number of line points in use
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,13 +68,13 @@ class FinderSettings:
     #: numbers of poses scored by all points, and aligned
     scored: int = 600
     aligned: int = 100
-    #: tilts that are searched where this gives no answer, in standard deviations of the sway
+    #: further tilts, searched if the one at rest gives no answer, in standard deviations of the sway from it
     nods: tuple[float, ...] = (-1.5, 1.5)
-    #: number of the likeliest that are compared with their equivalents at the floor's other corners
+    #: number of the likeliest poses that are compared with their equivalents at the floor's other corners
     repeated: int = 0
-    #: weight of a place where the carpet ends, in line points, where walls bound the floor: robots end it, too
+    #: weight of an end of the carpet, in line points, on a field with walls; small, because robots also hide carpet
     end_weight: float = 0.0
-    #: greatest standard deviation of an answer's position: a following picture may show more
+    #: greatest standard deviation of an answer's position; beyond it a later picture must decide
     max_std_m: float = 0.10
     #: greatest range of line points
     max_range_m: float = 6.0
@@ -84,9 +83,10 @@ class FinderSettings:
 
 
 def for_walled_fields(field: Field) -> FinderSettings:
-    """Return the settings for a frame that shows little of a floor within walls: their feet look alike at its corners.
+    """Return the settings for a frame that shows little of a floor within walls, whose corners look alike.
 
-    The answer has a candidate for each corner; where halves look alike, for half of them, each with its half turn.
+    The answer has up to one candidate for each corner; on a field whose halves look alike for two corners only, because
+    the half turns of these are implied.
     """
     corners = _CORNERS if field.halves_differ else _CORNERS // 2
     candidates = CandidateSettings(max_candidates=corners)
@@ -106,7 +106,7 @@ class TiltedPose(Pose2):
 
 
 class Clues(NamedTuple):
-    """What a frame shows of a field at places that no pose is needed to find."""
+    """Features of a field that are found in a frame without a pose."""
 
     points: FloatArray  #: (N, 3) float64: pixels u, v on lines, see `kernels.model_edges.bands.line_points`
     ends: FloatArray  #: (E, 3) float64: pixels u, v where the carpet ends, and 0
@@ -127,7 +127,7 @@ class EdgeFinder:
         self._half_view_rad = math.atan(camera.size_px[0] / 2 / camera.focal_px[0])
         self._has_twins = not field.halves_differ
         self._apart = replace(_APART, twins=self._has_twins)
-        self._is_same_frame = False  # as that of the last fit
+        self._is_same_frame = False  # whether the next fit is to the frame of the last one
         self._scores = np.zeros((len(self._bank.places), len(self._bank.headings)))
         self._walls = with_walls(self._bank, field) if s.end_weight and field.is_bounded else None
         self._rows, self._end_rows = np.zeros((_POINTS, 3)), np.zeros((_POINTS, 3))
@@ -148,14 +148,14 @@ class EdgeFinder:
         self._gates_px = np.array(_GATES_PX) * max(1.0, 0.5 * (1.0 + scale))
 
     def with_follower(self, follower: EdgeFollower) -> EdgeFinder:
-        """Return a finder by another calibration of the camera; the bank, made for about the same view, is shared."""
+        """Return a finder with a follower of another calibration of the camera; the tables are shared."""
         other = copy(self)
         other.follower = follower
         return other
 
     @property
     def _pixel_rad(self) -> float:
-        """Angle of a pixel."""
+        """Angle of one pixel at the image's centre."""
         fu, fv = self.follower.camera.focal_px
         return 1.0 / math.sqrt(fu * fv)
 
@@ -172,7 +172,7 @@ class EdgeFinder:
 
     @property
     def _near_std(self) -> FloatArray:
-        """(5,) float64: standard deviations of a pose of the bank, and of tilt and roll, as the prior of aligning."""
+        """(5,) float64: standard deviations of a bank's x, y, heading, tilt and roll, the prior of the alignment."""
         near_m = _SPACING_M / 2
         return np.array([near_m, near_m, PROPOSAL_STD_RAD, *self._near_tilt_roll_rad])
 
@@ -183,34 +183,34 @@ class EdgeFinder:
 
     @property
     def proposal_std(self) -> FloatArray:
-        """(3,) float64: standard deviations that the prior of a proposal's fit has, m, m and rad."""
+        """(3,) float64: standard deviations of a proposal as the prior of its fit, m, m and rad."""
         return np.asarray(np.sqrt(self._covariance.diagonal()))
 
     def propose(self, frame: UInt8Array) -> Iterator[list[TiltedPose]]:
-        """Propose poses of the camera to fit, the likeliest first; then more, for where those before give no answer."""
+        """Yield lists of proposed poses, likeliest first; a further list is for when the last one fails."""
         aligned = np.empty((0, 6))
         for clues, tilts in self._searches(frame):
             aligned = np.vstack([aligned, self._aligned_poses(clues, tilts)])
             yield self._likeliest(aligned)
 
     def _searches(self, frame: UInt8Array) -> Iterator[tuple[CluesAt, FloatArray]]:
-        """Give the clues of a frame and tilts to search by them: the next ones where those before give no answer."""
+        """Yield the clues of a frame, as a function of tilt, and tilts to search; see `propose` for the order."""
         rest, nods = self._rest_rad[0], self.settings.nods
         clues = partial(self._clues, frame)
         yield clues, np.array([rest])
         if nods:
-            # the bank does not match far lines of a nodding body
+            # the bank's poses at rest do not match the far lines of a body that nods
             yield clues, rest + np.array(nods) * self._rest_std_rad[0]
 
     def _likeliest(self, aligned: FloatArray) -> list[TiltedPose]:
-        """Return, of poses with tilts, rolls and costs (N, 6), distinct ones with costs near the least, best first."""
+        """Return distinct poses with costs near the least, best first, of poses with tilts, rolls and costs (N, 6)."""
         costs = aligned[:, 5]
         likely = aligned[costs <= costs.min(initial=math.inf) + _MAX_MORE_MISSED]
         poses = [TiltedPose(*pose) for pose in likely[np.argsort(likely[:, 5], kind="stable"), :5].tolist()]
         return self._first_apart(poses, _FITTED)
 
     def _clues(self, frame: UInt8Array, tilt_rad: float) -> Clues:
-        """Find the clues of a frame of a camera tilted so."""
+        """Find the clues of a frame at a tilt of the camera."""
         follower, camera = self.follower, self.follower.camera
         horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(tilt_rad)
         count = follower.find_line_points(frame, tilt_rad, self._rest_rad[1], self._points)
@@ -220,16 +220,16 @@ class EdgeFinder:
         return Clues(self._points[:count], ends, self._sightings[:many])
 
     def _aligned_poses(self, clues: CluesAt, tilts_rad: FloatArray) -> FloatArray:
-        """Align poses with a frame, begun at some tilts: (N, 6), poses, tilts, rolls and costs in line points."""
+        """Align poses with a frame, starting at some tilts: (N, 6), poses, tilts, rolls and costs in line points."""
         return np.vstack([np.empty((0, 6)), *(self._aligned_at(tilt, clues(tilt)) for tilt in tilts_rad.tolist())])
 
     def _aligned_at(self, tilt: float, clues: Clues) -> FloatArray:
-        """See `_aligned_poses`; of one tilt."""
+        """See `_aligned_poses`, for one tilt."""
         s, camera, bank = self.settings, self.follower.camera, self._bank
         (rest, roll), height_m = self._rest_rad, camera.height_m
-        held = (self.follower.lens, tilt, roll, height_m, s.max_range_m)
-        number = floor_places(clues.points, len(clues.points), *held, self._rows)
-        ends = floor_places(clues.ends, len(clues.ends), *held, self._end_rows)
+        attitude = (self.follower.lens, tilt, roll, height_m, s.max_range_m)
+        number = floor_places(clues.points, len(clues.points), *attitude, self._rows)
+        ends = floor_places(clues.ends, len(clues.ends), *attitude, self._end_rows)
         if number < 3 and not len(clues.uprights):
             return np.empty((0, 6))
         score_bank(bank, self._rows, number, self._scores)
@@ -238,7 +238,7 @@ class EdgeFinder:
             score_bank(walls, self._end_rows, ends, self._end_scores)
             self._scores += s.end_weight * self._end_scores
         kept = best_poses(bank, self._rows, number, self._scores, s.scored, _APART.m, _APART.rad, self._starts)
-        how = Alignment(
+        alignment = Alignment(
             slopes_of(self._rows[:number], tilt, roll, height_m),
             tilt,
             roll,
@@ -255,20 +255,20 @@ class EdgeFinder:
         starts[:kept] = self._starts[:kept, :3]
         kept += poses_around(clues.uprights, camera.focal_px[0], self._half_m, _STEP_M, starts[kept:])
         poses, costs = self._aligned[:kept], self._costs[:kept]
-        align_poses(bank, how, starts[:kept], _LIKELY, poses, costs)
-        # the prior of the tilt is about rest, not about where its search begins
+        align_poses(bank, alignment, starts[:kept], _LIKELY, poses, costs)
+        # the prior of the tilt is centred at rest, not at the start of this search
         nod = poses[:, 3]
-        costs += 0.5 * (((tilt + nod - rest) / self._rest_std_rad[0]) ** 2 - (nod / how.std[3]) ** 2)
-        ended = costs < 0.5 * DROPPED
-        return np.column_stack([poses[ended] + (0.0, 0.0, 0.0, tilt, roll), costs[ended]])
+        costs += 0.5 * (((tilt + nod - rest) / self._rest_std_rad[0]) ** 2 - (nod / alignment.std[3]) ** 2)
+        is_aligned = costs < 0.5 * DROPPED
+        return np.column_stack([poses[is_aligned] + (0.0, 0.0, 0.0, tilt, roll), costs[is_aligned]])
 
     def _first_apart(self, poses: Sequence[_AnyPose], count: int) -> list[_AnyPose]:
-        """Return the first distinct poses, at most this number."""
+        """Return the first distinct poses, at most `count`."""
         rows = np.array([(pose.x_m, pose.y_m, pose.theta_rad) for pose in poses]).reshape(-1, 3)
         return [poses[index] for index in self._apart.first(rows, count)]
 
     def find(self, frame: UInt8Array, near: Pose2 | None = None) -> FollowedCamera | NotLocated:
-        """Locate the camera by one BGR frame; `near` is the last pose of a lost camera, which may be near it."""
+        """Locate the camera by one BGR frame; `near` is the last pose of a lost camera, which may still be near it."""
         frame = self.follower.copy_of(frame)
         turned = [] if near is None else self._turned(near)
         for proposals in self.propose(frame):
@@ -281,9 +281,9 @@ class EdgeFinder:
     def find_with(
         self, frame: UInt8Array, propose: Callable[[UInt8Array], Sequence[Pose2]]
     ) -> FollowedCamera | NotLocated:
-        """Locate the camera as `find` does; where that leaves a doubt, `propose` is asked for poses of the frame, too.
+        """Locate the camera as `find` does; if the answer is not sure, also judge the poses that `propose` returns.
 
-        Lines, most of which are parallel, may fit beside what others see; to ask takes longer than to find most poses.
+        `propose` takes longer than most searches, so it is called last.
         """
         found = self.find(frame)
         if found and self._log_odds(found) >= _SURE_LOG_ODDS:
@@ -299,12 +299,12 @@ class EdgeFinder:
         return found.evidence.log_odds_anywhere(self._weights)
 
     def _turned(self, near: Pose2) -> list[Pose2]:
-        """Return poses at a place with headings over a lost robot's error, in steps that a fit converges over."""
+        """Return poses at a lost camera's last place whose headings cover its error, close enough for a fit."""
         steps = math.ceil(_LOST_STD_RAD / (2 * PROPOSAL_STD_RAD))
         return [near.compose(Pose2(0.0, 0.0, 2 * PROPOSAL_STD_RAD * k)) for k in range(-steps, steps + 1)]
 
     def _log_prior(self, pose: Pose2, near: Pose2 | None) -> float:
-        """Logarithm of a pose's prior density against that of a camera which may be anywhere."""
+        """Return the logarithm of a pose's prior density divided by that of a camera which may be anywhere."""
         if near is None:
             return 0.0
         away_m, turned_rad = pose.error_to(near, symmetric=self._has_twins)
@@ -315,7 +315,7 @@ class EdgeFinder:
     def judge(
         self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None
     ) -> FollowedCamera | NotLocated:
-        """Fit every proposed pose of the camera, and return those that the frame confirms: one, or a few candidates."""
+        """Fit every proposed pose of the camera, and return the answer that the frame confirms, with its candidates."""
         answers, why_none = self.fits(frame, proposals, near)
         if not answers:
             return NotLocated(why_none)
@@ -347,9 +347,9 @@ class EdgeFinder:
     def fits(
         self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None
     ) -> tuple[list[FollowedCamera], str]:
-        """Fit every proposed pose; return the distinct results that are compared, and the reason where there are none.
+        """Fit every proposed pose; return the distinct results to compare, and the reason if there is none.
 
-        On a field whose halves look alike a pose stands for its half turn, too.
+        On a field whose halves look alike a pose also stands for its half turn.
         """
         s, follower = self.settings, self.follower
         self._is_same_frame = False
@@ -362,13 +362,13 @@ class EdgeFinder:
                 f" (the tilt puts the horizon at row {horizon:.0f} of {camera.size_px[1]})"
             )
         places = self._places(frame, proposals, near)
-        likes = [like for pose in places[: s.repeated] for like in self._likes(pose)]
-        places = self._first_apart([*places, *likes], len(places) + len(likes))
+        equivalents = [equivalent for pose in places[: s.repeated] for equivalent in self._corner_equivalents(pose)]
+        places = self._first_apart([*places, *equivalents], len(places) + len(equivalents))
         if not places:
             tried, least = len(proposals), MIN_INLIERS
             return [], f"none of the {tried} likeliest poses has {least} places on edges in this frame"
         if follower.field.shows_half:
-            # lines alone look alike from both halves, whichever of them was proposed
+            # the lines look alike from both halves, and the proposal may be in the wrong one
             for pose in [one.half_turn() for one in places[:_TURNED]]:
                 if not any(self._apart.is_one(pose, other) for other in places):
                     places.append(pose)
@@ -385,17 +385,17 @@ class EdgeFinder:
     def _places(self, frame: UInt8Array, proposals: Iterable[Pose2], near: Pose2 | None = None) -> list[Pose2]:
         """Return the results of the proposals' fits, the likeliest first."""
         follower = self.follower
-        ends: list[tuple[float, Pose2]] = []
+        results: list[tuple[float, Pose2]] = []
         for proposal in proposals:
             answer, evidence = self._fit(frame, proposal), follower.evidence
             if answer and evidence.inliers >= MIN_INLIERS:
-                end = self._end(answer)
-                ends.append((evidence.log_odds_anywhere(self._weights) + self._log_prior(end, near), end))
-        ends.sort(key=lambda one: -one[0])
-        likely = [pose for weight, pose in ends if weight > ends[0][0] - _MAX_LOG_LIKELIHOOD_DROP]
+                result = self._fitted_pose(answer)
+                results.append((evidence.log_odds_anywhere(self._weights) + self._log_prior(result, near), result))
+        results.sort(key=lambda one: -one[0])
+        likely = [pose for weight, pose in results if weight > results[0][0] - _MAX_LOG_LIKELIHOOD_DROP]
         return self._first_apart(likely, _WEIGHED)
 
-    def _likes(self, pose: Pose2) -> list[Pose2]:
+    def _corner_equivalents(self, pose: Pose2) -> list[Pose2]:
         """Return the poses on the floor that see its other corners where this one sees the nearest corner ahead."""
         field = self.follower.field
         low, high = field.floor_polygon.min(axis=0), field.floor_polygon.max(axis=0)
@@ -406,37 +406,37 @@ class EdgeFinder:
         ahead = int(np.argmin(away))
         # without a corner in view only the half turn of the floor shows the same
         turns = (1, 2, 3) if math.isfinite(away[ahead]) else (2,)
-        likes = []
+        equivalents = []
         for turn in turns:
             c, s = math.cos(turn * _QUARTER_RAD), math.sin(turn * _QUARTER_RAD)
             x, y = corners[(ahead + turn) % _CORNERS] - np.array([[c, -s], [s, c]]) @ off[ahead]
-            like = Pose2(float(x), float(y), wrap_angle(pose.theta_rad + turn * _QUARTER_RAD))
-            if not field.is_on_floor(like.x_m, like.y_m):
+            equivalent = Pose2(float(x), float(y), wrap_angle(pose.theta_rad + turn * _QUARTER_RAD))
+            if not field.is_on_floor(equivalent.x_m, equivalent.y_m):
                 continue
-            # of two halves that look alike the bank has one
-            likes.append(like.half_turn() if like.x_m < 0 and not field.halves_differ else like)
-        return likes
+            # of two halves that look alike the bank covers one
+            equivalents.append(equivalent.half_turn() if equivalent.x_m < 0 and not field.halves_differ else equivalent)
+        return equivalents
 
-    def _end(self, answer: FollowedCamera) -> Pose2:
+    def _fitted_pose(self, answer: FollowedCamera) -> Pose2:
         """Return the result of the last fit, by the frame alone."""
         return answer.measured_pose
 
     def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
-        """Fit one pose by the frame alone: repeat the fit from its result, as a proposal is no evidence."""
+        """Fit one pose by the frame alone: repeat the fit from its result, because a proposal is no evidence."""
         answer = self._fit(frame, pose)
         for _ in range(_SETTLING):
             if not answer:
                 break
-            end = self._end(answer)
-            away_m, turn_rad = end.error_to(pose)
+            result = self._fitted_pose(answer)
+            away_m, turn_rad = result.error_to(pose)
             if away_m < _SETTLED_M and turn_rad < _SETTLED_RAD:
                 break
-            pose = end
+            pose = result
             answer = self._fit(frame, pose)
         return answer.without_prior() if answer else answer
 
     def _fit(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
-        """Fit one pose, with a proposal for a prior."""
+        """Fit one pose, with the proposal as prior."""
         self.follower.forget()
         near = PoseEstimate(pose, self._covariance, 1.0, 0.0)
         same, self._is_same_frame = self._is_same_frame, True

@@ -1,7 +1,7 @@
 """Follows a pinhole camera from frame to frame by all edges that the field file lets it expect.
 
-Model-based edge tracking after Harris (RAPiD, 1990): predict, search along normals, fit; here with several candidates
-a sample, modes chosen by hypotheses, and tilt, roll and height as unknowns of every frame.
+Model-based edge tracking after Harris (RAPiD, 1990): predict, search along normals, fit. Additions are several
+candidates for a sample, modes chosen by random hypotheses, and tilt, roll and height as unknowns of every frame.
 """
 
 from __future__ import annotations
@@ -49,15 +49,15 @@ _MAX_POINTS = 400
 _NEVER = 1_000_000
 # greatest standard deviation of a measurement in any direction, m and rad
 _OPEN_STD = 1.0
-_HYPOTHESES = 50  # of which the mode is chosen
-# white paint's step from the carpet, as a ratio to the nominal one, is learnt from lines wide enough for blur to
-# leave their middle: least width and points
+_HYPOTHESES = 50  # number of random hypotheses by which the mode is chosen
+# white paint's step from the carpet, relative to the nominal one, is learnt from lines whose middle is not blurred:
+# least width of such a line, and least number of points
 _MIN_PAINT_PX, _MIN_PAINT_POINTS = 3.0, 8
 ODDS_MEMORY_S = 0.5  # time constant of a frame's odds in those after it
 _MIN_SUPPORTING_LOG_ODDS = 0.1  # a frame with less does not support the pose
-# greatest speeds of a robot and its head: a prior farther from the last answer does not continue it
+# greatest speed and turn rate of a robot with its head: a prior farther from the last answer does not continue it
 _MAX_SPEED_MPS, _MAX_TURN_RADPS = 4.0, 10.0
-# tilt, roll and height are forgotten with this time constant: a step takes about half a second
+# time constant with which deviations of tilt, roll and height decay: a walking step takes about half a second
 _SWAY_MEMORY_S = 0.12
 
 
@@ -65,30 +65,30 @@ _SWAY_MEMORY_S = 0.12
 class PoseLikelihood:
     """Likelihood of a pose by one frame alone, as a Gaussian in information form."""
 
-    reference: Pose2  #: where it was linearised
-    information: FloatArray  #: (3, 3) float64: of x_m, y_m, theta_rad; may be singular
-    gradient: FloatArray  #: (3,) float64: of the log-likelihood there
+    reference: Pose2  #: pose at which it was linearised
+    information: FloatArray  #: (3, 3) float64: information about x_m, y_m, theta_rad; may be singular
+    gradient: FloatArray  #: (3,) float64: gradient of the log-likelihood at `reference`
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FollowedCamera:
-    """A frame followed: the camera's foot and the heading of its axis, by the frame and the prior together."""
+    """The result of following a frame: the camera's pose by the frame and the prior together."""
 
     estimate: PoseEstimate  #: the camera's pose
-    likelihood: PoseLikelihood  #: of the same, without the prior
+    likelihood: PoseLikelihood  #: likelihood of the camera's pose, without the prior
     file_camera: PinholeCamera
     #: tilt and roll (rad), height (m) and logarithm of the focal length's scale in this frame
     camera_unknowns: tuple[float, float, float, float]
-    camera_covariance: FloatArray  #: (4, 4) float64: of `camera_unknowns`
+    camera_covariance: FloatArray  #: (4, 4) float64: covariance of `camera_unknowns`
     evidence: Evidence  #: the basis of the verdict
     others: tuple[Pose2, ...] = ()  #: further candidates, the likeliest first
-    tells_half: bool = False  #: whether edges were found that the field's other half has not
+    tells_half: bool = False  #: whether edges were found that the field's other half lacks
 
     @property
     def measurement(self) -> PoseEstimate:
         """Estimate of the camera's pose by the frame alone.
 
-        In directions in which the frame is less certain than `_OPEN_STD` it is the fit, with that error.
+        In directions whose standard deviation would exceed `_OPEN_STD` it is the fit, with that standard deviation.
         """
         pose, covariance = self._by_frame_alone()
         ratio, rms = self.estimate.inlier_ratio, self.estimate.residual_px
@@ -105,7 +105,7 @@ class FollowedCamera:
         return Pose2(reference.x_m + x, reference.y_m + y, reference.theta_rad + turn), covariance
 
     def without_prior(self) -> FollowedCamera:
-        """Return the answer with the estimate by the frame alone."""
+        """Return the answer with the estimate by the frame alone instead of that with the prior."""
         return replace(self, estimate=self.measurement)
 
     def with_candidates(self, others: tuple[Pose2, ...]) -> FollowedCamera:
@@ -126,8 +126,8 @@ class FollowerState:
 
     #: (2, 4) float64: deviations of tilt, roll, height and focal length from those at rest, and their variances
     sway: FloatArray
-    last_pose: Pose2 | None  #: the camera's
-    log_odds: float  #: of the last pose being right
+    last_pose: Pose2 | None  #: last pose of the camera
+    log_odds: float  #: log odds that the last pose is right
 
 
 def _edge_points(pixels: FloatArray, status: Int64Array) -> EdgePoints:
@@ -140,18 +140,17 @@ class EdgeFollower:
     Parameters
     ----------
     camera : PinholeCamera
-        That of whole frames.
+        Camera of the frames in full size.
     reduction : int
-        Frames are followed in copies this many times smaller. In these a blur, which lengthens the step of a line, is
-        shorter by the same factor.
+        Frames are followed in copies this many times smaller, in which a blur is shorter by the same factor.
     """
 
     def __init__(
         self, field: Field, camera: PinholeCamera, settings: EdgeSettings | None = None, reduction: int = 1
     ) -> None:
         self.field, self.file_camera, self.reduction = field, camera, reduction
-        #: of the copies
         width, height = camera.size_px
+        #: camera of the copies
         self.camera = camera = camera.in_size((width // reduction, height // reduction))
         self.settings = settings or EdgeSettings()
         self.edges = field_edges(field, self.settings.lines_end_m)
@@ -160,8 +159,8 @@ class EdgeFollower:
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
         if not len(field.lines) + len(field.arcs):
             self.numbers = self.numbers._replace(point_stride=_NEVER)
-        # near a search's proposal, and near a prior that frames before support, edges are not looked for farther away:
-        # there they belong to another pose, or to clutter
+        # for a search's proposal, and a prior that earlier frames support, the search is not widened: edges farther
+        # away belong to another pose, or to clutter
         near = self.numbers._replace(bent_ratio=0.0)
         self._wide_numbers, self._near_numbers = plain((self.numbers, near))
         draws = np.random.default_rng(20261122).random((_HYPOTHESES, 6))
@@ -181,7 +180,7 @@ class EdgeFollower:
         self._sway = np.zeros((2, 4))
         self.hold(camera)
         self._prior = Prior(np.zeros(UNKNOWNS), np.zeros((UNKNOWNS, UNKNOWNS)))
-        # arguments of each call are plain, see `plain`
+        # compiled calls take plain tuples faster, see `plain`
         self._plain = plain((self._scene, self._prior, self._buffers, self._fit))
         # views of the fit's results other than the pose
         self._fitted_camera, self._fitted_variances = self._fit.unknowns[3:], self._fit.covariance.diagonal()[3:]
@@ -192,7 +191,7 @@ class EdgeFollower:
         self.forget()
 
     def with_camera(self, camera: PinholeCamera) -> EdgeFollower:
-        """Return a follower that goes on with another calibration of its camera, from where this one is."""
+        """Return a follower with another calibration of the camera, which continues from this one's state."""
         other = EdgeFollower(self.field, camera, self.settings, self.reduction)
         other.state = self.state
         if self._knows_paint:
@@ -219,7 +218,7 @@ class EdgeFollower:
 
     @property
     def painted_edges(self) -> FieldEdges:
-        """The field's edges, white paint as bright as the last pictures showed it."""
+        """The field's edges, with white paint as bright as in the last pictures."""
         return self._scene.field
 
     @property
@@ -229,9 +228,9 @@ class EdgeFollower:
         return tilt, roll
 
     def likelihood_under(self, std: FloatArray) -> PoseLikelihood:
-        """Return the last fit's likelihood, with another prior of the camera about the fitted values.
+        """Return the last fit's likelihood of the pose under another prior of the camera, centred at the fitted values.
 
-        `std` (4,) is that of tilt, roll, height and logarithm of the focal length.
+        `std` (4,) are its standard deviations of tilt, roll, height and logarithm of the focal length.
         """
         root, open_ = self._prior.root, np.diag(self._prior.root) > 0.0
         inverse = np.linalg.inv(root[np.ix_(open_, open_)])
@@ -249,7 +248,7 @@ class EdgeFollower:
 
     @property
     def confirms_prior(self) -> bool:
-        """Whether the last frame followed is likelier if its prior is right than if it is wrong."""
+        """Whether the last frame that was followed is likelier if its prior is right than if it is wrong."""
         return self._log_ratio > 0.0
 
     @property
@@ -267,7 +266,7 @@ class EdgeFollower:
         self._sway[:], self._last_pose, self._log_odds = state.sway, state.last_pose, state.log_odds
 
     def edge_points(self) -> EdgePoints:
-        """Return the edges that the last fit predicts, in pixels of the whole frame, and their states in it."""
+        """Return the edges that the last fit predicts, in pixels of the full-size frame, with their status."""
         return self.edge_points_when_asked()()
 
     def edge_points_when_asked(self) -> Callable[[], EdgePoints]:
@@ -279,7 +278,7 @@ class EdgeFollower:
         return partial(_edge_points, pixels, status)
 
     def copy_of(self, frame: UInt8Array) -> UInt8Array:
-        """Return the copy of a frame that is followed; the frame itself if it is as small."""
+        """Return the copy of a frame that is followed; the frame itself if it has the copy's size."""
         if frame.shape[1::-1] == self.camera.size_px:
             return frame
         return np.asarray(cv2.resize(frame, self.camera.size_px, interpolation=cv2.INTER_AREA), dtype=np.uint8)
@@ -313,8 +312,8 @@ class EdgeFollower:
         return np.asarray(np.where(by_row, camera.focal_px[0], camera.focal_px[1]) * np.nan_to_num(angle))
 
     def _show_paint(self, ratio: float) -> None:
-        """Expect this ratio of white paint's step from the carpet to that of the nominal colours."""
-        # fainter line points are not found
+        """Set the expected step from carpet to white paint, relative to that of the nominal colours."""
+        # fainter lines are not found
         ratio = min(max(ratio, 0.5 * MIN_RATIO), 1.0)
         self._knows_paint, self._paint_ratio = True, ratio
         channels = self.edges.channels.copy()
@@ -340,7 +339,7 @@ class EdgeFollower:
         self._log_odds = min(answer.evidence.log_odds, self.numbers.sure_log_odds)
 
     def _prior_log_odds(self, prior: PoseEstimate, dt_s: float) -> float:
-        """Logarithm of the odds that a prior is right: the last answer's, where the prior may be that, moved on."""
+        """Return the log odds that a prior is right: the last answer's, decayed, if it may continue it, else 0."""
         if self._last_pose is None:
             return 0.0
         away_m, turned_rad = prior.pose.error_to(self._last_pose)
@@ -372,11 +371,11 @@ class EdgeFollower:
         frame : (H, W, 3) uint8
             BGR, of the camera's size; or its copy, see `copy_of`.
         modes : int
-            Greatest number of places near the prior that are examined.
+            Greatest number of modes near the prior that are examined.
         is_proposal : bool
             Whether the prior is a search's proposal, whose fit is compared with others.
         is_same_frame : bool
-            Whether the last call was of this frame and tilt at rest, too: the carpet's colour is kept.
+            Whether the last call had the same frame and tilt at rest; then the carpet's colour is not estimated again.
         """
         frame = self.copy_of(frame)
         if dt_s != self._dt_s:
@@ -412,7 +411,7 @@ class EdgeFollower:
             reason, log_ratio = weigh(evidence, prior_log_odds)
         self._log_ratio = log_ratio
         if reason is not None:
-            # the prior goes on without a measurement
+            # the next prior may continue this one without a measurement
             known = self._last_pose is not None and prior_log_odds > 0.0
             self._last_pose = prior.pose if known else None
             self._log_odds = max(prior_log_odds + log_ratio, 0.0)
@@ -431,7 +430,7 @@ class EdgeFollower:
         )
 
     def _shows_half(self) -> bool:
-        """Whether the last fit found enough of the edges that the other half has not, and more than it missed."""
+        """Whether the last fit found enough edges that the other half lacks, and at least half of those not unseen."""
         if self._telling is None:
             return False
         count = int(self._fit.figures[0])

@@ -1,4 +1,4 @@
-"""Satisfies `Localizer`: a pinhole camera by everything in view, followed where there is a prior, found where not."""
+"""Localises a pinhole camera by all edges in view: follows it by a prior, or finds it without one (a `Localizer`)."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from robocup_vision.localization.model_edges.finder import EdgeFinder, for_walle
 from robocup_vision.localization.model_edges.follower import ODDS_MEMORY_S, EdgeFollower, FollowedCamera, FollowerState
 from robocup_vision.perception.goal_region import hue_families
 
-# or a function that makes them
+# edge points, or a function that makes them
 _Points = EdgePoints | Callable[[], EdgePoints]
-# between frames without times
-_USUAL_STEP_S = 1 / 30
+_USUAL_STEP_S = 1 / 30  # assumed time between frames without times
 # least error of a head's pan and of a prior's heading
 _MIN_PAN_STD_RAD = math.radians(0.1)
-# least time between searches by the bank that found nothing: frames closer together show the same
+# least time from a search by the bank that found nothing to the next: frames closer together show the same
 _SEARCH_AGAIN_S = 0.1
 # a camera located within this time is probably near its prior: odometry with an error of a tenth is off by 20 cm
 # at 1 m/s
 NEAR_S = 2.0
-# of the prior where only a pose is given
+# standard deviations of a prior that is given as a pose only
 _PRIOR_STD_M, PRIOR_STD_RAD = 0.15, 0.1
-# a frame that confirms nothing may be blurred: it is examined again reduced by these factors, to this width at least
+# a frame that confirms no pose may be blurred: it is examined again in copies reduced by these factors, if a copy has
+# at least this width
 _COPY_FACTORS, _MIN_COPY_PX = (2, 3), 200
 
 
@@ -53,17 +53,17 @@ class EdgeLocalizer:
         camera: PinholeCamera,
     ) -> None:
         self.follower = EdgeFollower(field, camera)
-        # of frames that confirm nothing, by their reductions
+        # followers of reduced copies, by the factor of reduction
         self._copies: dict[int, EdgeFollower] = {}
         self._finder: EdgeFinder | None = None
         self._copies_finder: EdgeFinder | None = None
         self._reductions = reductions(camera.size_px[0])
-        # feet of walls lie beside the lines, and stand out in smaller copies
+        # walls' feet, which `for_walled_fields` uses, stand out in smaller copies
         self._has_walls = field.is_bounded and bool(self._reductions)
         has_posts = any(goal.kind == "posts" for goal in field.goals)
         self._has_goals_of_hue = has_posts and bool(hue_families(field))
         self._has_white_goals = has_posts and not self._has_goals_of_hue
-        self._held = camera  # as in the last look
+        self._held = camera  # the camera as held in the last look
         self.forget()
 
     def forget(self) -> None:
@@ -72,12 +72,12 @@ class EdgeLocalizer:
         for follower in (self.follower, *self._copies.values()):
             follower.forget_paint()
         self._last_s: float | None = None
-        self._was_located = False  # in the last look
-        self._located_s: float | None = None  # when it was last
-        self._failed_s: float | None = None  # when the last search beside a prior found nothing
+        self._was_located = False  # whether the camera was located in the last look
+        self._located_s: float | None = None  # time when it was last located
+        self._failed_s: float | None = None  # time of the last search beside a prior that found nothing
 
     def with_camera(self, camera: PinholeCamera) -> EdgeLocalizer:
-        """Return a localiser that goes on with another calibration of its camera."""
+        """Return a localiser with another calibration of its camera, which continues from this one's state."""
         other = copy(self)
         other.follower = self.follower.with_camera(camera)
         other._copies = {}
@@ -108,7 +108,7 @@ class EdgeLocalizer:
             self._located_s = evidence.t_s
         is_open = isinstance(answer, NotLocated) or bool(answer.others)
         if is_open and prior is None and self._has_goals_of_hue:
-            # a search of its own, slow: where a prior exists, the next frame will do
+            # this separate search is slow: if there is a prior, the next frame may decide instead
             of_hue = self._by_goal(evidence)
             if isinstance(of_hue, Localization):
                 return of_hue
@@ -137,8 +137,8 @@ class EdgeLocalizer:
     def _follow(
         self, evidence: FrameEvidence, near: PoseEstimate
     ) -> tuple[FollowedCamera | NotLocated, _Points | None]:
-        """Follow by the frame, or by its smaller copies; with the edges where not of the first look."""
-        before, dt_s = self.follower.state, self._passed(evidence.t_s)
+        """Follow by the frame or its reduced copies; also return the edges if not those of the follower's last fit."""
+        before, dt_s = self.follower.state, self._step_s(evidence.t_s)
         answer = first = self.follower.follow(evidence.frame, near, dt_s)
         points: _Points | None = None
         if not self.follower.confirms_prior and self._was_near(evidence.t_s, ODDS_MEMORY_S):
@@ -157,10 +157,10 @@ class EdgeLocalizer:
         return answer, points
 
     def _follower_of(self, reduction: int) -> EdgeFollower:
-        """Return the follower of frames that confirm nothing, in copies so many times smaller.
+        """Return the follower of copies reduced by this factor, for frames that confirm no pose.
 
-        A blurred line is a slope as wide as the blur: a search of a few pixels sees too little of the step, and takes
-        its border for something other than carpet.
+        The step of a blurred line is as wide as the blur: a search of a few pixels sees too little of it, and takes its
+        border for something other than carpet.
         """
         if reduction not in self._copies:
             field, camera, settings = self.follower.field, self.follower.camera, self.follower.settings
@@ -175,9 +175,9 @@ class EdgeLocalizer:
         before: FollowerState,
         first: FollowedCamera | NotLocated,
     ) -> tuple[FollowedCamera | NotLocated, _Points]:
-        """Follow a frame that does not confirm its prior, by a wider prior, as if the robot had slipped.
+        """Follow a frame that does not confirm its prior once more by a wider prior, as if the robot had slipped.
 
-        Either the frames before are right and this one shows little, or this one is right: the odds are compared. A
+        The odds decide whether the earlier frames are right and this one shows little, or the robot has slipped. A
         frame that also confirms a slipped robot is no evidence for the prior.
         """
         follower = self.follower
@@ -203,10 +203,10 @@ class EdgeLocalizer:
         return 0.0 <= t_s - self._located_s < lately_s
 
     def _search_beside(self, evidence: FrameEvidence, near: PoseEstimate) -> FollowedCamera | NotLocated:
-        """Search for a camera whose prior is not confirmed: all over the field only where it may be lost.
+        """Search for a camera whose prior is not confirmed; all over the field only if the camera may be lost.
 
-        A prior that continues the last look, and is no wider than a search's proposals, is fitted and judged as one of
-        them, which bounds the time of a look. If that is no answer the next look searches.
+        A prior that continues the last answer, and is no wider than a search's proposals, is fitted and judged like one
+        of them, which bounds the time of a frame. If that gives no answer, the next frame is searched.
         """
         state, finder = self.follower.state, self._made_finder()
         goes_on = self._was_located and state.last_pose is not None
@@ -242,10 +242,10 @@ class EdgeLocalizer:
         return self._copies_finder
 
     def _by_goal(self, evidence: FrameEvidence) -> Localization | FollowedCamera | None:
-        """Search for a goal: its pose by all edges where they confirm it, by the goal alone where they do not decide.
+        """Search for a goal: return its pose by all edges if they confirm it, else by the goal alone.
 
-        Glare whitens posts, and a goal before an unknown wall shows little else: the goal's own verdict is made for
-        that.
+        Glare whitens posts, and little else may be in view with a goal before an unknown wall. The goal's own verdict
+        covers these cases.
         """
         alone = GoalLocalizer(self.follower.field, self._held).locate(evidence)
         if isinstance(alone.pose, NotLocated):
@@ -259,10 +259,10 @@ class EdgeLocalizer:
         return PoseEstimate(prior, np.diag([_PRIOR_STD_M, _PRIOR_STD_M, PRIOR_STD_RAD]) ** 2, 1.0, 0.0)
 
     def _widened(self, near: PoseEstimate) -> PoseEstimate:
-        """Return a prior at least as wide as one of which only the pose is given."""
+        """Return a prior widened by the covariance of a prior that is given as a pose only."""
         return PoseEstimate(near.pose, near.covariance + self._as_estimate(near.pose).covariance, 1.0, 0.0)
 
-    def _passed(self, t_s: float | None) -> float:
+    def _step_s(self, t_s: float | None) -> float:
         if t_s is None or self._last_s is None or not t_s > self._last_s:
             return _USUAL_STEP_S
         return t_s - self._last_s
@@ -280,7 +280,7 @@ def _with_pan_error(robot: PoseEstimate, pan_std_rad: float) -> PoseEstimate:
 
 
 def _camera_prior(robot: PoseEstimate, camera: PinholeCamera) -> PoseEstimate:
-    """Return the camera's prior by the robot's, with the error of the pan."""
+    """Return the camera's prior by the robot's, including the error of the pan."""
     mount = camera.camera_in_robot
     if mount.x_m or mount.y_m:
         robot = robot.seen_from(mount)

@@ -1,8 +1,8 @@
-"""Finds a pinhole camera whose tilt nobody knows, by the lines of one frame.
+"""Finds a pinhole camera of unknown tilt by the lines of one frame.
 
-The carpet's lines bound the tilt: a line's width in the picture limits its distance below the horizon, and the horizon
-lies above all lines. Between these bounds banks of poses are scored for each tilt. The likeliest poses are aligned with
-the lines with tilt and roll as unknowns, then fitted and accepted as in `EdgeFinder`.
+The lines bound the tilt: a line's width in the picture limits its distance below the horizon, and the horizon lies
+above all lines. Between these bounds a bank of poses is scored at several tilts. The likeliest poses are aligned with
+the lines, with tilt and roll as unknowns, then fitted and accepted as in `EdgeFinder`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from robocup_vision.localization.model_edges.settings import EdgeSettings
 
 # distance beyond the outer lines from which no line is the field's
 _BEYOND_M = 0.3
-# the carpet's colour is learnt below this fraction of the frame: a camera that looks up sees floor only there
+# the carpet's colour is learnt below this fraction of the frame's height: a camera that looks up sees floor only there
 _CARPET_TOP = 0.4
 # stride of the columns and rows that are read for bands, and the widest band, as fractions of the picture's width
 _STRIDE_RATIO, _WIDEST_RATIO = 0.025, 0.1
@@ -47,10 +47,10 @@ _STRAYS, _SLACK = 0.1, 1.4
 # step between the banks' tilts, and their range
 _STEP_RAD, _RANGE_RAD = 0.03, (-0.9, 0.35)
 _BANK = FinderSettings(scored=400, aligned=24)  # many banks share the time
-# standard deviations of tilt and roll about a bank's in aligning, and about the aligned ones in the fit
+# standard deviations of tilt and roll about a bank's in the alignment, and about the aligned ones in the fit
 _BANK_STD_RAD = (0.03, 0.04)
 _FIT_STD_RAD = 0.015
-# factor on these deviations, and on those of a proposed place, about the result of a fit
+# factor on the fit's standard deviations, and on those of a proposal, where a fit is repeated from its result
 _SETTLING_RATIO = 0.3
 _TILT_STD_RAD = 0.5  # prior of the tilt
 _HEIGHT_STD_M = 0.03  # a neck that nods moves the camera up and down
@@ -63,7 +63,7 @@ class TiltFinder(EdgeFinder):
     """
 
     def __init__(self, field: Field, camera: PinholeCamera) -> None:
-        self._nearness = 1.0
+        self._std_ratio = 1.0
         self._file_camera = camera
         level = replace(
             camera,
@@ -74,7 +74,7 @@ class TiltFinder(EdgeFinder):
             roll_std_rad=_FIT_STD_RAD,
             height_std_m=max(camera.height_std_m, _HEIGHT_STD_M),
         )
-        # one frame must decide: all samples count
+        # one frame must decide, so all samples are used
         edges = EdgeSettings(in_sun_and_shade=True, ample_samples=math.inf, lines_end_m=_BEYOND_M)
         super().__init__(EdgeFollower(field, level, edges), _BANK)
         self._bands = np.zeros((600, 4))
@@ -98,7 +98,7 @@ class TiltFinder(EdgeFinder):
         return _BANK_STD_RAD
 
     def _searches(self, frame: UInt8Array) -> Iterator[tuple[CluesAt, FloatArray]]:
-        # each frame stands alone
+        # nothing is learnt from earlier frames
         self.follower.forget_paint()
         top = self._carpet_top(frame)
         bands = self._line_bands(frame, top)
@@ -121,7 +121,7 @@ class TiltFinder(EdgeFinder):
         return stride * int(bare[-1] + 1) if len(bare) and bare[-1] + 1 < len(carpet_ratios) else 0
 
     def _line_bands(self, frame: UInt8Array, top: int) -> FloatArray:
-        """(N, 4) float64: see `line_bands`; the carpet's colour is that below row `top`."""
+        """Return bands (N, 4), see `line_bands`; the carpet's colour is learnt below row `top`."""
         follower = self.follower
         carpet, width = np.zeros(LIT_CARPET), frame.shape[1]
         carpet_look(frame, top, carpet)
@@ -132,7 +132,7 @@ class TiltFinder(EdgeFinder):
         return self._bands[:count]
 
     def _tilt_bounds(self, bands: FloatArray, top: int) -> tuple[float, float]:
-        """Return the least and greatest tilt at which these bands are lines, on a carpet up to row `top` at least."""
+        """Return the least and greatest tilt at which these bands may be lines on a carpet that reaches row `top`."""
         camera = self.follower.camera
         (fu, fv), (cu, cv) = camera.focal_px, camera.center_px
         aside = (bands[:, 0] - cu) / fu
@@ -143,22 +143,22 @@ class TiltFinder(EdgeFinder):
         low, high = (math.atan((one - cv) / fv) for one in (min(row, top), top))
         return max(low, _RANGE_RAD[0]), min(max(high, low + _STEP_RAD), _RANGE_RAD[1])
 
-    def _end(self, answer: FollowedCamera) -> Pose2:
-        pose = super()._end(answer)
+    def _fitted_pose(self, answer: FollowedCamera) -> Pose2:
+        pose = super()._fitted_pose(answer)
         return TiltedPose(pose.x_m, pose.y_m, pose.theta_rad, *self.follower.tilt_roll_rad)
 
     def _settle(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
-        # the result of a fit is near: a shorter search does not take neighbouring edges for its own
-        self._nearness = _SETTLING_RATIO
+        # a fit is repeated from its result, so a shorter search suffices, which avoids neighbouring edges
+        self._std_ratio = _SETTLING_RATIO
         answer = super()._settle(frame, pose)
-        self._nearness = 1.0
+        self._std_ratio = 1.0
         if not answer:
             return answer
-        # neither is the tilt at which the last fit began evidence
+        # the tilt at which the last fit started is no evidence, either
         return replace(answer, likelihood=self.follower.likelihood_under(self._known_std)).without_prior()
 
     def _fit(self, frame: UInt8Array, pose: Pose2) -> FollowedCamera | NotLocated:
-        near = self._nearness
+        near = self._std_ratio
         if isinstance(pose, TiltedPose):
             std = near * _FIT_STD_RAD
             mounting = Mounting(tilt_rad=pose.tilt_rad, roll_rad=pose.roll_rad, tilt_std_rad=std, roll_std_rad=std)

@@ -1,4 +1,4 @@
-"""The weights of what a frame shows in the log odds of a pose, as a file holds them.
+"""Reads the weights of a fit's figures in the log odds of a pose.
 
 They are data: `evidence.toml`, which `robocup-vision fit-edge-evidence` writes.
 """
@@ -47,14 +47,14 @@ class _EvidenceFile(StrictStruct):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EdgeWeights:
-    """What the log odds of a pose are made of."""
+    """Weights of the log odds of a pose."""
 
     #: (9,) float64: of a fit near a prior, as `kernels.model_edges.verdict.log_odds` takes them
     near_prior: FloatArray
-    anywhere: float  #: constant of a fit that begins anywhere, relative to that none of them is right
+    anywhere: float  #: constant of a fit without a prior, relative to the outcome that none is right
     #: factor on the terms where poses of one picture are compared: there they discriminate better than between pictures
     within_picture: float
-    sure_log_odds: float  #: wrong fits hardly have more
+    sure_log_odds: float  #: log odds that fits of wrong poses hardly exceed
 
 
 def load_edge_weights(path: str | Path = PACKAGED) -> EdgeWeights:

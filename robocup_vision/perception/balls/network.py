@@ -47,7 +47,7 @@ FIRST_NATS, MAX_PLACES, _APART_RADII = 1.0, 10, 0.8
 class BallSpot(NamedTuple):
     """A sighting of a ball by a network."""
 
-    #: its centre in the frame
+    #: centre of the ball in the frame
     u_px: float
     v_px: float
     radius_px: float  #: radius of a ball on the floor there

@@ -31,7 +31,7 @@ _MAX_HEIGHT_RADII = 11.0
 _USUAL_HEIGHT_RADII, _USUAL_HEIGHT_STD = 6.3, 0.15
 # distance of the rays' origin below a forward camera's picture, so large that they are nearly parallel
 _FAR_BELOW_PX = 20_000
-# flatter rays meet no floor in view
+# greatest upward component of a ray that meets the floor in view
 _LEVEL = -1e-3
 
 
@@ -212,7 +212,7 @@ class PinholeBallProjection(BallProjection):
         return other
 
     def _on_plane(self, pixels: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-        """See `BallProjection._camera_moves`: errors of tilt, roll and height."""
+        """See `BallProjection._on_plane`."""
         depth, (x0, y0) = self._held.height_m - self._radius_m, self._held.offset_m
         places = []
         for x, y, z in self._held.pixel_to_ray(pixels).tolist():
@@ -221,7 +221,7 @@ class PinholeBallProjection(BallProjection):
         return places
 
     def _camera_moves(self, x_m: float, y_m: float) -> list[tuple[float, float, float]]:
-        """See `BallProjection._camera_moves`: what tilt, roll and height leave open."""
+        """See `BallProjection._camera_moves`: errors of tilt, roll and height."""
         camera = self._held
         depth, pan = camera.height_m - self._radius_m, camera.pan_rad or 0.0
         c, s = math.cos(pan), math.sin(pan)
@@ -253,12 +253,12 @@ class BallFrame(NamedTuple):
     """A frame to be searched for balls, with what is known of it."""
 
     frame: UInt8Array  #: (H, W, 3) uint8, BGR
-    camera: OmniCamera | PinholeCamera  #: as held in the frame; its tilt may be unknown
+    camera: OmniCamera | PinholeCamera  #: the camera as held in the frame; its tilt may be unknown
     projection: BallProjection | None = None  #: projection of balls; if None a finder makes it, if the tilt is known
     table: ColorTable | None = None  #: the colours; None if not learnt yet
     #: mean log-likelihood ratio of the floor near the robot
     near_floor_nats: float = 0.0
-    t_s: float | None = None  #: when it was taken
+    t_s: float | None = None  #: time when it was taken
 
 
 #: sightings, the most likely first, and the projection to place them by: the frame's, or one estimated from balls

@@ -65,9 +65,9 @@ def ball_sizes_px(
 class BallSizes:
     """Sizes of balls on the floor along rays of the picture that lead away from the robot."""
 
-    camera: OmniCamera | PinholeCamera  #: with a known tilt
-    height_m: float  #: of its viewpoint
-    radius_m: float  #: of the ball
+    camera: OmniCamera | PinholeCamera  #: camera with a known tilt
+    height_m: float  #: height of its viewpoint
+    radius_m: float  #: radius of the ball
     axis_px: tuple[float, float]  #: origin of the rays in the picture's plane
     ahead: tuple[float, float]  #: unit vector of one ray
     span_px: tuple[float, float]  #: distances from the axis between which the picture shows floor

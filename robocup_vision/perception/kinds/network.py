@@ -114,7 +114,7 @@ class KindSource:
     """A frame and its obstacles, of which the kinds are computed when needed."""
 
     frame: Callable[[], UInt8Array]  #: returns the frame, (H, W, 3) uint8, BGR
-    camera: PinholeCamera  #: as held in the frame
+    camera: PinholeCamera  #: the camera as held in the frame
     places_m: FloatArray  #: (N, 2) float64: places of the obstacles, robot frame
 
     def kind(self, number: int) -> Kind | None:

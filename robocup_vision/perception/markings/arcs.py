@@ -49,12 +49,12 @@ _MAX_ARC_PX = 0.35
 class Arc:
     """An arc of a circle."""
 
-    center_m: FloatArray  #: (2,) float64: robot frame
-    covariance: FloatArray  #: (2, 2) float64: of its centre, including the errors of the camera's attitude
+    center_m: FloatArray  #: (2,) float64: centre of the circle, robot frame
+    covariance: FloatArray  #: (2, 2) float64: covariance of `center_m`, including the errors of the camera's attitude
     deviations: FloatArray  #: (K,) float64: fitted errors of the attitude, standard deviations
     cost_nats: float  #: half the sum of the samples' squared normalised residuals
     noise_px: float  #: standard deviation of the points
-    radius_m: float  #: of the field's circle
+    radius_m: float  #: radius of the field's circle
     points: Int64Array  #: (P,) int64: indices of its line points
 
 

@@ -19,7 +19,7 @@ _ARM_WIDTHS, _ARM_PX = 2.0, 6.0
 _ARM_ENDS = 3.0
 _SAMPLES = 12
 # least ratio of an arm's samples that show line, or carpet if the arm does not exist
-_ARM_SHARE = 0.6
+_ARM_RATIO = 0.6
 # largest distance of a line's end from its crossing, in line widths, and in pixels
 _CROSSING_REACH_WIDTHS, _CROSSING_REACH_PX = 2.5, 8.0
 # largest deviation from a right angle, beyond the lines' errors
@@ -128,8 +128,8 @@ def _arms(
     begin = np.maximum(_ARM_WIDTHS * line_width_m, _ARM_PX / np.maximum(px_per_m, 1e-9))
     reach = begin[:, None] * np.linspace(1.0, _ARM_ENDS, _SAMPLES)
     samples = camera.floor_to_pixel(place + reach[..., None] * ways[:, None])
-    goes_on = picture.shows_line(samples).mean(axis=1) >= _ARM_SHARE
-    ends = picture.shows_carpet(samples).mean(axis=1) >= _ARM_SHARE
+    goes_on = picture.shows_line(samples).mean(axis=1) >= _ARM_RATIO
+    ends = picture.shows_carpet(samples).mean(axis=1) >= _ARM_RATIO
     known = goes_on | ends
     of_one, of_two = goes_on[:2], goes_on[2:]
     if not of_one.any() or not of_two.any():

@@ -79,7 +79,7 @@ class FieldFeatures:
         turn = np.remainder(np.arctan2(-way[:, 0], way[:, 1]) - angle + math.pi / 2, math.pi) - math.pi / 2
         lie = np.stack([np.cos(angle + turn), np.sin(angle + turn)], axis=1)
         off = ((lines[:, :2] - middle) * lie).sum(axis=1)
-        # in the field frame with the pose's errors; then of angle and distance at the middle
+        # covariance of angle and distance with the pose's errors; then with the distance at the segment's middle
         by_pose = np.array([[0.0, 0.0, 1.0], [normal[0], normal[1], 0.0]])
         covariance = segment.covariance + by_pose @ estimate.covariance @ by_pose.T
         shift = np.array([[1.0, 0.0], [-float(along @ (middle - (pose.x_m, pose.y_m))), 1.0]])

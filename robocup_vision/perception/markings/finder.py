@@ -38,10 +38,10 @@ class MarkingSource:
 
     finder: MarkingFinder  #: finder of the camera
     frame: UInt8Array  #: (H, W, 3) uint8: BGR
-    camera: OmniCamera | PinholeCamera  #: at the attitude measured by the frame, or else that of its file
+    camera: OmniCamera | PinholeCamera  #: camera at the attitude measured by the frame, or else that of its file
     #: (4, 4) float64: covariance of tilt, roll, height and logarithm of the focal length, if measured by the frame
     held_covariance: FloatArray | None
-    fingerprint: bytes  #: of the frame when it was looked at
+    fingerprint: bytes  #: fingerprint of the frame when it was looked at
 
     @classmethod
     def of(

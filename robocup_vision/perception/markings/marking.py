@@ -20,7 +20,7 @@ MAX_STD_M = 0.5
 GATE_SIGMAS = 3.0
 
 CrossingKind = Literal["L", "T", "X"]
-# by the number of arms
+# kind of a crossing by its number of arms
 KINDS: dict[int, CrossingKind] = {2: "L", 3: "T", 4: "X"}
 
 
@@ -36,8 +36,8 @@ class LineSegment:
     start_m: tuple[float, float]
     end_m: tuple[float, float]
     angle_rad: float  #: direction of the line's normal, away from the robot, robot frame
-    distance_m: float  #: of the line from the robot's centre, never negative
-    covariance: FloatArray  #: (2, 2) float64: of (angle_rad, distance_m), in rad and m
+    distance_m: float  #: distance of the line from the robot's centre, never negative
+    covariance: FloatArray  #: (2, 2) float64: covariance of (angle_rad, distance_m), in rad and m
     #: the field's line of which it is a part, x0, y0, x1, y1, field frame; None if not known
     feature_m: tuple[float, float, float, float] | None = None
 

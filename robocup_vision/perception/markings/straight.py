@@ -21,7 +21,7 @@ _PAIRS_PX = (20.0, 60.0, 180.0)
 _MAX_LINES = 40
 _FIT_STEPS = 2
 # least ratio of common pieces of two equivalent proposals
-_ALIKE_SHARE = 0.8
+_ALIKE_RATIO = 0.8
 # greatest distance of neighbouring points along a line without a gap
 _GAP_PX = 8.0
 _COVER_PX = 6.0
@@ -115,8 +115,8 @@ def find_straight(
                 found.append(straight)
                 left_points[straight.points], left_pieces[on_it] = False, False
         if not stretches:
-            # equivalent proposals would not give one either
-            alike = (agrees & members) @ weight >= _ALIKE_SHARE * score
+            # equivalent proposals would not give a stretch, either
+            alike = (agrees & members) @ weight >= _ALIKE_RATIO * score
             agrees = agrees[~alike]
     return sorted(found, key=lambda one: -len(one.points)), left_points, left_pieces
 
