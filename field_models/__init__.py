@@ -1,4 +1,4 @@
-"""RoboCup pitches as data: built-in leagues, and the same strict file format for your own."""
+"""RoboCup fields as data: built-in ones of several leagues, and the same strict file format for your own."""
 
 from field_models.catalog import field_names, load_field
 from field_models.errors import ArgumentError, FileError, FrameError, RobocupVisionError

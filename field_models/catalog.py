@@ -1,4 +1,4 @@
-"""Field files: a few strict TOML numbers become a `Field` with all its lines, arcs, goals and walls."""
+"""Loads field files: from a few numbers in TOML it derives a `Field` with all its lines, arcs, goals and walls."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def load_field(name_or_path: str | Path | Field) -> Field:
     Raises
     ------
     ArgumentError
-        If it is neither.
+        If it is neither a built-in field nor a ``.toml`` path.
     FileError
         If the file is missing, has missing, unknown or wrong keys, or its numbers contradict each other.
 
@@ -262,7 +262,7 @@ def _lines(f: _FieldFile) -> list[list[float]]:
     rows = []
     if f.outer_lines:
         rows += [[-x, -y, x, -y], [x, -y, x, y], [x, y, -x, y], [-x, y, -x, -y]]
-    elif f.goal is not None:  # walls stand where the outer lines would be; only the goal's mouth is left to paint
+    elif f.goal is not None:  # walls stand in place of the outer lines; only the goal's mouth is painted
         rows += [[side * x, -f.goal.width_m / 2, side * x, f.goal.width_m / 2] for side in (1, -1)]
     if f.center_line:
         rows.append([0.0, -y, 0.0, y])
@@ -282,7 +282,7 @@ def _lines(f: _FieldFile) -> list[list[float]]:
 
 
 def _lines_of_half(rows: list[list[float]]) -> list[list[float]]:
-    """Return what lies at x >= 0 of lines, rows x0, y0, x1, y1, that run along an axis."""
+    """Return the parts at x >= 0 of axis-parallel lines, rows x0, y0, x1, y1."""
     there = [row for row in rows if max(row[0], row[2]) > 0 or row[0] == row[2] == 0]
     return [[max(x0, 0.0), y0, max(x1, 0.0), y1] for x0, y0, x1, y1 in there]
 
@@ -311,7 +311,7 @@ def _arcs(f: _FieldFile) -> list[list[float]]:
     if f.corner_arc_radius_m is not None:
         for sx, sy, start in ((1, 1, math.pi), (-1, 1, -math.pi / 2), (-1, -1, 0.0), (1, -1, math.pi / 2)):
             rows.append([sx * f.length_m / 2, sy * f.width_m / 2, f.corner_arc_radius_m, start, math.pi / 2])
-    # an arc but the centre circle lies on one side
+    # every arc except the centre circle lies on one side
     return [row for row in rows if row[0] >= 0 or not f.half]
 
 

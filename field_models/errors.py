@@ -1,7 +1,7 @@
-"""The one exception family of the project, at the bottom of the house so that every package can raise it.
+"""The exceptions of the project, in its lowest package so that every package can raise them.
 
-Whatever a user can mend (a file, a key, a frame of the wrong size) is a `RobocupVisionError` whose message is one line
-that names the file, the key and the offending value.
+Every problem that a user can solve (a file, a key, a frame of the wrong size) is a `RobocupVisionError`, whose message
+is one line that names the file, the key and the offending value.
 """
 
 from __future__ import annotations
@@ -12,27 +12,27 @@ from typing import Any
 
 
 class RobocupVisionError(Exception):
-    """Base class of all errors this project raises on purpose; `str(error)` is one line for the user."""
+    """Base class of all errors that this project raises deliberately; `str(error)` is one line for the user."""
 
     def __init__(self, message: str) -> None:
         super().__init__(" ".join(line.strip() for line in message.splitlines()))
 
 
 class FileError(RobocupVisionError):
-    """A file is missing, damaged or holds something impossible.
+    """A file is missing, damaged or has invalid content.
 
     Parameters
     ----------
     path : str or Path
         The file.
     problem : str
-        What is wrong, in words.
+        Text of the problem.
     key : str, optional
         Dotted path of the offending key, e.g. ``floor_range.kind``.
     value : object, optional
         The offending value, shown with `repr`.
     hint : str, optional
-        What the user may have meant, as `did_you_mean` says it; ends the message.
+        End of the message: what the user may have meant, as from `did_you_mean`.
     """
 
     def __init__(
@@ -49,13 +49,13 @@ class FileError(RobocupVisionError):
         super().__init__(where + problem + got + hint)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # an exception is pickled with its message as the only argument, which would not build this one again: worker
-        # processes hand their errors back by pickle
+        # by default an exception is pickled with its message as the only argument, from which this one cannot be made
+        # again; worker processes return their errors by pickle
         return partial(type(self), key=self.key, value=self.value, hint=self.hint), (str(self.path), self.problem)
 
 
 class FrameError(RobocupVisionError):
-    """A camera frame has the wrong type, shape or size; it is refused, never resized in silence."""
+    """A camera frame has the wrong type, shape or size; it is refused, never resized silently."""
 
 
 class PacketError(RobocupVisionError):

@@ -1,4 +1,4 @@
-"""The pitch as every part of the project sees it: lines, arcs, goals, beacons and what bounds the floor.
+"""The model of the pitch that all parts of the project share: lines, arcs, goals, beacons and the floor's boundary.
 
 Field frame: origin at the centre, x towards the opponent's goal, y left, metres. Lengths are between line centres.
 """
@@ -18,8 +18,8 @@ BoundaryKind = Literal["walls", "boards", "carpet"]
 GoalKind = Literal["recess", "panels", "posts"]
 MarkKind = Literal["cross", "dot"]
 
-# Paint and plastic as named in rule books -> BGR of a frame under white light: where a renderer starts from, never what
-# a classifier takes for true.
+# Colour names of the rule books -> BGR of a frame under white light. Renderers and first guesses use them; classifiers
+# learn the real colours.
 COLOR_NAMES: dict[str, tuple[int, int, int]] = {
     "white": (230, 230, 230),
     "black": (35, 35, 35),
@@ -40,16 +40,16 @@ def _frozen(rows: list[list[float]], columns: int) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class Net:
-    """A goal's net: upright at both sides and at the back, level above; square meshes.
+    """A goal's net with square meshes: upright at both sides and at the back, with a horizontal roof.
 
     Parameters
     ----------
     height_m : float
-        Of its roof over the floor.
+        Height of the roof above the floor.
     mesh_m, cord_m : float
-        From cord to cord, and a cord's thickness.
+        Distance between cords, and a cord's thickness.
     color : str
-        Its colour's name.
+        Name of its colour.
     """
 
     height_m: float
@@ -69,19 +69,19 @@ class Goal:
     kind : {"recess", "panels", "posts"}
         A recess in the walls around the field, a box of upright panels on the carpet, or posts with a bar.
     color : str
-        Its colour's name.
+        Name of its colour.
     line_x_m : float
         x of the goal line's centre (recess, panels: the mouth; posts: the posts' axes).
     width_m : float
-        Between the inner walls (recess, panels) or between the posts' axes (posts).
+        Distance between the inner walls (recess, panels) or between the posts' axes (posts).
     depth_m : float
-        From the mouth to the back wall.
+        Distance from the mouth to the back wall.
     height_m : float
-        Of the panels, or of the bar's axis.
+        Height of the panels, or of the bar's axis.
     post_radius_m : float
-        Of posts and bar; 0 where there are none.
+        Radius of posts and bar; 0 if there are none.
     net : Net or None
-        What hangs from its mouth to `back_x_m`.
+        The net from the mouth to `back_x_m`.
     """
 
     side: int
@@ -101,7 +101,7 @@ class Goal:
 
     @property
     def panels(self) -> FloatArray:
-        """(3, 4) float64: feet of side, back and other side wall as x0, y0, x1, y1, in the field frame, metres."""
+        """(3, 4) float64: feet of side wall, back wall and other side wall as x0, y0, x1, y1, field frame, metres."""
         half = self.width_m / 2
         return _frozen(
             [
@@ -122,7 +122,7 @@ class Mark:
     x_m, y_m : float
         Its middle, field frame, metres.
     kind : {"cross", "dot"}
-        What it looks like.
+        Its shape.
     size_m : float
         Length of the cross's strokes, or the dot's diameter.
     """
@@ -151,9 +151,9 @@ class Field:
     Parameters
     ----------
     name, source : str
-        What it is called, and where its numbers come from.
+        Its name, and the source of its numbers, such as a rule book.
     length_m, width_m : float
-        Between the centres of the end lines and of the touch lines.
+        Distance between the centres of the goal lines and of the touch lines.
     line_width_m : float
         Width of the painted lines.
     lines : (N, 4) float64
@@ -165,24 +165,24 @@ class Field:
     beacons : tuple of Beacon
         Upright landmarks, possibly none.
     boundary : {"walls", "boards", "carpet"}
-        What bounds the floor; "carpet" goes on beyond the lines by an unknown amount.
+        Boundary of the floor; a "carpet" extends beyond the lines by an unknown distance.
     floor_polygon : (K, 2) float64
-        Corners of the floor counter-clockwise, metres; for "carpet" only as far as it is sure to reach.
+        Corners of the floor counter-clockwise, metres; for "carpet" the part that certainly exists.
     wall_height_m : float
         Height of walls or boards, 0 for "carpet".
     wall_color, ball_color : str
         Names of colours.
     robot_radius_m, ball_radius_m : float
-        Of the league's robots and ball.
+        Radii of the league's robots and ball.
     line_color : str
         Name of a colour.
     ball_patches : str
         Name of the colour of the ball's dark patches; "": it has none.
     is_half : bool
-        Whether only the half x >= 0 is there, as in a laboratory too small for the whole: its lines, its goal, its
-        beacons. The floor ends as far behind the centre line as behind the others.
+        Whether only the half x >= 0 exists, as in a small laboratory, with its lines, goal and beacons. The floor ends
+        as far behind the centre line as behind the other lines.
     marks : tuple of Mark
-        Painted spots, that of the half at +x first; they belong to neither lines nor arcs.
+        Painted spots, that at +x first; `lines` and `arcs` do not contain them.
     """
 
     name: str
@@ -213,7 +213,7 @@ class Field:
 
     @property
     def painted_lines(self) -> FloatArray:
-        """(N, 4) float64: `lines`, and the strokes of crosses between the middles of their ends."""
+        """(N, 4) float64: `lines`, and the centre lines of crosses' strokes, half a line width short of their ends."""
         rows = []
         for mark in self.marks:
             if mark.kind == "cross":
@@ -224,7 +224,7 @@ class Field:
 
     @property
     def painted_arcs(self) -> FloatArray:
-        """(M, 5) float64: `arcs`, and dots as circles one in another, each as wide as a line."""
+        """(M, 5) float64: `arcs`, and each dot as concentric circles that are as wide as a line."""
         rows = []
         for mark in self.marks:
             if mark.kind != "dot":
@@ -237,23 +237,23 @@ class Field:
 
     @property
     def halves_differ(self) -> bool:
-        """Whether a pose is told from its half turn: by what is there in one half only, or as one half is missing."""
+        """Whether a pose can be distinguished from its half turn: the halves differ, or one of them is missing."""
         return self.is_half or self.shows_half
 
     @cached_property
     def shows_half(self) -> bool:
-        """Whether both halves are there, and something shows which one it is.
+        """Whether both halves exist and differ.
 
-        It does if a half turn about the centre maps the field onto another one: goals or beacons change their colours,
-        or a goal, beacon, line or wall is where none was.
+        They differ if a half turn about the centre does not map the field onto itself: a goal or beacon changes its
+        colour, or a goal, beacon, line or wall gets to a place where there was none.
         """
         return not self.is_half and self._features(1.0) != self._features(-1.0)
 
     def _features(self, sign: float) -> set[tuple[object, ...]]:
-        """All that a camera may see, as it is (1) or half a turn on (-1), lengths rounded to a micrometre."""
+        """Return all visible features, as they are (`sign` 1) or after a half turn (-1), rounded to a micrometre."""
 
         def at(*lengths_m: float) -> tuple[float, ...]:
-            # zero has no sign
+            # + 0.0 turns -0.0 into 0.0
             return tuple(round(sign * length, 6) + 0.0 for length in lengths_m)
 
         features: set[tuple[object, ...]] = set()
@@ -273,17 +273,17 @@ class Field:
 
     @cached_property
     def walls(self) -> FloatArray:
-        """(W, 4) float64: feet of everything upright that bounds the floor, x0, y0, x1, y1, metres.
+        """(W, 4) float64: feet of the walls that bound the floor, x0, y0, x1, y1, metres.
 
-        The floor polygon's edges, counter-clockwise, and the panels of goals that stand inside it. On a "carpet"
-        nothing upright stands on the edges (see `is_bounded`).
+        These are the floor polygon's edges, counter-clockwise, and the panels of goals that stand inside it. On a
+        "carpet" the polygon's edges have no walls (see `is_bounded`).
         """
         edges = np.hstack([self.floor_polygon, np.roll(self.floor_polygon, -1, axis=0)])
         panels = [goal.panels for goal in self.goals if goal.kind == "panels"]
         return _frozen(np.vstack([edges, *panels]).tolist(), 4)
 
     def line_points(self, spacing_m: float) -> FloatArray:
-        """Points (N, 2) float64, metres, along the centres of all lines and arcs, about `spacing_m` apart."""
+        """Return points (N, 2) float64, metres, along the centres of all lines and arcs, about `spacing_m` apart."""
         pieces = []
         for x0, y0, x1, y1 in self.lines:
             count = max(2, math.ceil(math.hypot(x1 - x0, y1 - y0) / spacing_m) + 1)
@@ -305,7 +305,7 @@ class Field:
         return inside
 
     def is_on_floor(self, x_m: float, y_m: float) -> bool:
-        """Return whether one point lies on the floor: `contains` without arrays, for once a frame."""
+        """Return whether one point lies on the floor: a faster `contains` for single points."""
         inside = False
         for low, high, x0, y0, x1, y1 in self._sides:
             if low <= y_m < high and x_m < x0 + (y_m - y0) / (y1 - y0) * (x1 - x0):
@@ -314,6 +314,6 @@ class Field:
 
     @cached_property
     def _sides(self) -> list[tuple[float, float, float, float, float, float]]:
-        """Least and greatest y, and both ends, of the floor's sides but those along x: no ray along x crosses them."""
+        """Smallest and greatest y, and both ends, of the floor's sides, without those that are parallel to x."""
         ends = np.hstack([self.floor_polygon, np.roll(self.floor_polygon, -1, axis=0)]).tolist()
         return [(min(y0, y1), max(y0, y1), x0, y0, x1, y1) for x0, y0, x1, y1 in ends if y0 != y1]

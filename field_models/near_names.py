@@ -1,4 +1,4 @@
-"""Says which known name a misspelt one is probably meant to be."""
+"""Suggests the known name that is probably meant by a misspelt one."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return ``; did you mean 'NAME'?`` for the known name that is most like a word; empty where none is like it."""
-    # imported where used: only mistakes need it
+    """Return ``; did you mean 'NAME'?`` for the known name most similar to a word; empty if none is similar."""
+    # imported here, because it is only needed after mistakes
     from difflib import get_close_matches
 
     by_lower = {name.lower(): name for name in known}

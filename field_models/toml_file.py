@@ -1,4 +1,4 @@
-"""Strict TOML: a file becomes a typed struct, or an error that names file, key and value."""
+"""Reads TOML strictly: the result is a typed struct, or an error that names file, key and value."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ class StrictStruct(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Parse a TOML file into plain values, refusing NaN, infinity and integers beyond 64 bits anywhere in it.
+    """Parse a TOML file into plain values; NaN, infinity and integers beyond 64 bits are refused.
 
     Raises
     ------
     FileError
-        If the file cannot be read, is not TOML, or holds a non-finite number.
+        If the file cannot be read, is not TOML, or holds a number that is refused.
     """
     if not isinstance(path, (str, Path)):
         raise ArgumentError(f"the path of a file must be a str or Path, got {type(path).__name__} {path!r}")
@@ -64,12 +64,12 @@ def read_toml(path: str | Path) -> dict[str, Any]:
 
 
 def convert(path: str | Path, raw: Any, struct: type[T]) -> T:
-    """Check plain values against a struct type, naming the first offending key and its value.
+    """Convert plain values to a struct type.
 
     Raises
     ------
     FileError
-        If a key is missing, unknown or of the wrong type.
+        If a key is missing or unknown, or its value is not allowed; it names the first such key and its value.
     """
     try:
         return msgspec.convert(raw, struct)
@@ -109,12 +109,12 @@ def load_toml(path: str | Path, struct: type[T]) -> T:
 
 
 def refuse_other_kind(path: str | Path, raw: dict[str, Any], struct: type[Any]) -> None:
-    """Tell that a file is one of another kind, rather than which of its keys is strange.
+    """Refuse a file of another kind as a whole, which is clearer than an error about one of its keys.
 
     Raises
     ------
     FileError
-        If the keys are those of another kind of file than the struct type's.
+        If the keys belong to another kind of file than the struct type does.
     """
     found = next((kind for kind, keys in _KINDS.items() if keys <= raw.keys()), None)
     wanted = next((kind for kind, keys in _KINDS.items() if keys <= {*struct.__struct_fields__}), None)
@@ -125,7 +125,7 @@ def refuse_other_kind(path: str | Path, raw: dict[str, Any], struct: type[Any]) 
 
 
 def _near_file(path: Path) -> str:
-    """Name the TOML file beside a missing one that is most like it."""
+    """Return a hint that names a TOML file with a similar name in the same folder; empty if there is none."""
     try:
         return did_you_mean(path.name, sorted(entry.name for entry in path.parent.glob("*.toml")))
     except OSError:
@@ -133,14 +133,14 @@ def _near_file(path: Path) -> str:
 
 
 def _allowed(struct: type[Any], key: str) -> tuple[object, ...]:
-    """Words that a key may hold, where a struct type lists them; empty where it does not."""
+    """Return the values that a key may have, if the struct type lists them; else none."""
     return tuple(
         value for node in _types_of(struct, key) if isinstance(node, inspect.LiteralType) for value in node.values
     )
 
 
 def _keys(struct: type[Any], key: str) -> tuple[str, ...]:
-    """Return the keys of the table that stands under a key."""
+    """Return the keys of the table at a key."""
     tables = (node for node in _types_of(struct, key) if isinstance(node, inspect.StructType))
     return tuple(one.encode_name for table in tables for one in table.fields)
 

@@ -2,8 +2,8 @@
 
 >>> from robocup_vision import Steering, Vision, load_camera, load_colors, load_field
 
-The public names stand in ``__init__.pyi``, which type checkers read too. Each is imported when first used, so that the
-command's ``--help`` answers at once and a robot loads only what it runs.
+The public names are listed in ``__init__.pyi``, which type checkers also read. Each is imported when it is first used,
+so that the command's ``--help`` answers at once and a robot loads only what it needs.
 """
 
 import lazy_loader

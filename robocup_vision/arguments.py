@@ -1,6 +1,6 @@
-"""Checks of what users hand to the public objects: misuse ends in one line that says what belongs there.
+"""Checks of the arguments of public objects; an error says in one line what is expected.
 
-Each check returns the value, so that it stands where the value is taken.
+Each check returns the value, so that it can be used in an expression.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, in_degrees
 
-# no field and no robot's step is longer: a larger value is in millimetres
+# no field and no robot's step is longer: a larger value is probably in millimetres
 _MAX_AWAY_M = 100.0
-# thirty thousand years: what is larger counts milliseconds or nanoseconds, or nothing
+# thirty thousand years: a larger value is probably in milliseconds or nanoseconds
 _MAX_TIME_S = 1e12
 
 
 def as_field(value: object) -> Field:
-    """Return a field, loaded where its name or file is given.
+    """Return a field; load it if its name or file is given.
 
     Raises
     ------
     ArgumentError
-        If it is neither.
+        If the value is none of these.
     FileError
         If the field file is not valid.
     """
@@ -62,7 +62,7 @@ def as_pose(name: str, value: object) -> Pose2:
     Raises
     ------
     ArgumentError
-        If it is no `Pose2`, not finite, or farther away than anything on a field.
+        If it is not a `Pose2`, not finite, or farther away than anything on a field.
     """
     if not isinstance(value, Pose2):
         raise ArgumentError(f"{name} must be a Pose2(x_m, y_m, theta_rad), got {_shown(value)}")
@@ -74,7 +74,7 @@ def as_pose(name: str, value: object) -> Pose2:
 
 
 def as_prior(value: object) -> PoseEstimate | Pose2 | None:
-    """Return a finite prior; what is not located is none.
+    """Return a finite prior; `NotLocated` counts as no prior.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def as_time(value: object) -> float:
     Raises
     ------
     ArgumentError
-        If it is no finite number, or so large that float64 does not tell milliseconds apart.
+        If it is not a finite number, or so large that float64 cannot resolve milliseconds.
     """
     if isinstance(value, float) and -_MAX_TIME_S <= value <= _MAX_TIME_S:
         return value
@@ -113,13 +113,13 @@ def require_kind(name: str, value: object, kind: type | tuple[type, ...], wanted
     Parameters
     ----------
     name : str
-        Of the argument.
+        Name of the argument.
     value : object
-        What was handed over.
+        Value of the argument.
     kind : type or tuple of type
-        What it must be an instance of.
+        Class or classes of which it must be an instance.
     wanted : str
-        How the user gets one.
+        How the user gets such a value.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def as_number(name: str, value: object) -> float:
     ArgumentError
         If it is none.
     """
-    # to ask what is registered as a number takes ten times as long, and most are plain ones
+    # a check against numbers.Real takes ten times as long as one against float, which most values are
     if not isinstance(value, (float, numbers.Real)):
         raise ArgumentError(f"{name} must be a number, got {_shown(value)}")
     if not math.isfinite(value):
@@ -184,7 +184,7 @@ def as_frame(value: object, size_px: tuple[int, int]) -> UInt8Array:
     Raises
     ------
     FrameError
-        If it is no colour image of 8 bits, or of another size.
+        If it is not a colour image of 8 bits, or of another size.
     """
     shape = (size_px[1], size_px[0], 3)
     if isinstance(value, np.ndarray) and value.dtype == np.uint8 and value.shape == shape:
@@ -198,7 +198,7 @@ def _is_finite(value: object) -> bool:
 
 
 def _shown(value: object) -> str:
-    """Return a value in words that fit a line: its type, and itself where that is short."""
+    """Describe a value in one line: its type, and its repr if that is short."""
     text = repr(value)
     kind = type(value).__name__
     return f"{kind} {text}" if len(text) <= 60 and "\n" not in text else f"a value of type {kind}"

@@ -18,16 +18,16 @@ _POSITION, _VELOCITY = slice(0, 2), slice(2, 4)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hypothesis:
-    """One pose that the robot may have now.
+    """One possible pose of the robot.
 
     Parameters
     ----------
     pose : Pose2
-        The robot in the field frame.
+        Pose of the robot in the field frame.
     covariance : (3, 3) float64
-        Of (x_m, y_m, theta_rad), in m, m and rad.
+        Covariance of (x_m, y_m, theta_rad), in m, m and rad.
     probability : float
-        Those of all hypotheses sum to 1.
+        Probability; those of all hypotheses add up to 1.
     """
 
     pose: Pose2
@@ -39,35 +39,35 @@ class Hypothesis:
 class Track:
     """A tracked object."""
 
-    number: int  #: its number, the same for as long as it is tracked
+    number: int  #: number of the track, constant while the object is tracked
     #: place and velocity in the field frame
     x_m: float
     y_m: float
     vx_mps: float
     vy_mps: float
-    covariance: FloatArray  #: (4, 4) float64: of these, m and m/s
-    probability: float  #: that it is there, to within two thirds of its width
+    covariance: FloatArray  #: (4, 4) float64: covariance of place and velocity, m and m/s
+    probability: float  #: probability that the object is within two thirds of its width from this place
     frames: int  #: number of frames for which it has been tracked
-    missed: int  #: frames in a row, up to this one, without a detection
+    missed: int  #: number of consecutive frames, up to this one, without a detection
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "covariance", read_only(self.covariance))
 
     def place_after(self, seconds: float) -> tuple[float, float]:
-        """Return its position so long after the track's frame at constant velocity, field frame."""
+        """Return its place a time after the track's frame, at constant velocity, field frame."""
         return self.x_m + seconds * self.vx_mps, self.y_m + seconds * self.vy_mps
 
     def as_disc(self, robot: Pose2, radius_m: float, seconds: float = 0.0) -> Disc:
-        """Return a disc in the robot's frame, with velocity and both covariances, as `Steering.steer` takes it.
+        """Return a disc in the robot frame, with velocity and both covariances, for `Steering.steer`.
 
         Parameters
         ----------
         robot : Pose2
-            The robot in the field frame now.
+            Present pose of the robot in the field frame.
         radius_m : float
-            The object's.
+            Radius of the object.
         seconds : float
-            Since the track's frame.
+            Time since the track's frame.
         """
         x, y = robot.inverse().transform(self.place_after(seconds)).tolist()
         c, s = math.cos(robot.theta_rad), math.sin(robot.theta_rad)
@@ -81,11 +81,11 @@ class Track:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MapPicture:
-    """The map at one moment."""
+    """The map of free floor at one moment."""
 
     #: (N, N) uint8: `mapping.occupancy.FREE`, NO_GO or UNDECIDED; first index along x of the field frame
     state: UInt8Array
-    corner_m: tuple[float, float]  #: lowest corner of cell (0, 0), field frame
+    corner_m: tuple[float, float]  #: corner of cell (0, 0) with the least x and y, field frame
     cell_m: float  #: side of a cell
 
 
@@ -98,13 +98,13 @@ class Belief:
     t_s : float
         Time of the frame.
     pose : PoseEstimate or NotLocated
-        The robot on the field.
+        Pose of the robot in the field frame.
     hypotheses : tuple of Hypothesis
-        Poses that it may have, with probabilities, most probable first.
+        Its possible poses with probabilities, most probable first.
     tracks : tuple of Track
         Other robots; empty without tracking.
     free_map : MapPicture or None
-        Which floor is free; None without a map, or while the pose is unknown.
+        Map of the free floor; None without a map, or while the pose is unknown.
     """
 
     t_s: float

@@ -1,6 +1,6 @@
-"""The command `robocup-vision`: finds the commands that are installed, parses, and runs one.
+"""The program `robocup-vision`: finds the installed commands, parses the arguments, and runs one command.
 
-Only the handlers import what they need, so that --help answers at once.
+Imports are made by the handlers only, so that --help answers at once.
 """
 
 # shells that complete every Python program look for this word: PYTHON_ARGCOMPLETE_OK
@@ -16,15 +16,15 @@ from typing import Any, NoReturn
 
 from robocup_vision.commands.completion import complete
 
-# what a shell reports of a program that SIGPIPE has ended
+# exit status that a shell reports for a program ended by SIGPIPE
 _BROKEN_PIPE = 141
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong with the arguments, and what was probably meant."""
+    """Reports wrong arguments in one line, with a suggestion of what was probably meant."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """Parse, refusing options that this command has not: the command itself knows its own best."""
+        """Parse, and refuse unknown options here, where the command's own options are known for suggestions."""
         self._given = list(sys.argv[1:] if args is None else args)
         parsed, unknown = super().parse_known_args(args, namespace)
         if unknown:
@@ -33,7 +33,7 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         if "arguments are required" in message:
-            # a misspelt option is why nothing else was given
+            # a misspelt option may be why an argument is missing
             unknown = [word for word in self._given if word.startswith("--") and not self._near(word)]
             if unknown:
                 self._refuse(unknown)
@@ -50,7 +50,7 @@ class _Parser(argparse.ArgumentParser):
         return [option for action in self._actions for option in action.option_strings]
 
     def _near(self, word: str) -> list[str]:
-        """Return the options that a word stands for, which may be shortened."""
+        """Return the options that a word may abbreviate."""
         return [option for option in self._options() if option.startswith(word.partition("=")[0])]
 
     def _refuse(self, unknown: list[str]) -> NoReturn:
@@ -61,7 +61,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _did_you_mean(word: str, known: list[str]) -> str:
-    # imported where used: --help loads nothing of the library
+    # imported here, so that --help does not load the library
     from field_models.near_names import did_you_mean
 
     return did_you_mean(word, known)
@@ -81,29 +81,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments : sequence of str, optional
-        Those of the command line unless given.
+        Default: those of the command line.
 
     Returns
     -------
     int
-        Exit status: 0, or 2 after one line on standard error about something the user can mend, or 130 if interrupted,
-        or 141 if nobody reads the output any more.
+        Exit status: usually 0; 2 after one line on standard error about a problem that the user can solve; 130 if
+        interrupted; 141 if the output is no longer read.
     """
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
-            # a file's name may be no text, and a terminal may not have all signs
+            # a file name may not be valid text, and a terminal may not have all characters
             stream.reconfigure(errors="backslashreplace")
     try:
         return _run(arguments)
     except BrokenPipeError:
-        # who read the output has read enough
+        # the reader of the output has closed it
         return _BROKEN_PIPE
     finally:
         _flush()
 
 
 def _flush() -> None:
-    """Write what waits of the output; where that fails, keep the interpreter from telling so at its end."""
+    """Write the buffered output; if that fails, keep the interpreter from reporting it again at its end."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -116,7 +116,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     if "_ARGCOMPLETE" in os.environ:
         complete(parser)
     options = parser.parse_args(arguments)
-    # decoders report a damaged file on standard error themselves; it is reported once, in our own line
+    # decoders print their own messages about damaged files, which are reported in our own line
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     from field_models.errors import RobocupVisionError
@@ -136,7 +136,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     except KeyboardInterrupt as interrupt:
         from robocup_vision.progress import reached
 
-        # a command that keeps what is finished says so; of others, how far they have come
+        # a command may say what it has kept; for others, the progress is shown
         reached_text = str(interrupt) or reached()
         newline = "\n" if sys.stderr.isatty() else ""
         print(

@@ -1,4 +1,4 @@
-"""What is closed after use, by a `with` block or by hand: files, sockets, and processes that serve a page."""
+"""Base class of objects that are closed after use, by a `with` block or explicitly, such as files and sockets."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Closing(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Close what is open."""
+        """Release the object's resources."""
 
     def __enter__(self: C) -> C:
         return self

@@ -1,4 +1,4 @@
-"""One round thing that stands or moves on the floor: the shape that every planner takes another robot for."""
+"""A round thing that stands or moves on the floor: the shape of other robots for all planners."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from field_models.errors import ArgumentError
 from robocup_vision.arrays import FloatArray, read_only
 
 
-def _exact() -> FloatArray:
+def _zero_covariance() -> FloatArray:
     return np.zeros((2, 2))
 
 
@@ -22,21 +22,21 @@ class Disc:
     Raises
     ------
     ArgumentError
-        A centre, velocity or covariance is not finite, a covariance is not (2, 2), or a size is negative.
+        If a centre, velocity or covariance is not finite, a covariance is not (2, 2), or a size is negative.
     """
 
-    #: its centre now, in the frame that is planned in
+    #: present place of its centre, in the planner's frame
     x_m: float
     y_m: float
     radius_m: float
-    #: (2, 2) float64: of the centre, square metres; without it the centre is exact
-    covariance: FloatArray = field(default_factory=_exact)
-    #: its velocity over ground, along the axes of the same frame
+    #: (2, 2) float64: covariance of the centre, square metres; without it the centre is exact
+    covariance: FloatArray = field(default_factory=_zero_covariance)
+    #: velocity over ground, along the axes of the same frame
     vx_mps: float = field(default=0.0, kw_only=True)
     vy_mps: float = field(default=0.0, kw_only=True)
-    #: (2, 2) float64: of the velocity, (m/s)^2; without it the velocity is exact
-    velocity_covariance: FloatArray = field(default_factory=_exact, kw_only=True)
-    height_m: float = field(default=math.inf, kw_only=True)  #: how high it is; infinite where that is not known
+    #: (2, 2) float64: covariance of the velocity, (m/s)^2; without it the velocity is exact
+    velocity_covariance: FloatArray = field(default_factory=_zero_covariance, kw_only=True)
+    height_m: float = field(default=math.inf, kw_only=True)  #: height; infinite if it is not known
 
     def __post_init__(self) -> None:
         for name in ("x_m", "y_m", "vx_mps", "vy_mps"):
@@ -54,7 +54,7 @@ class Disc:
 
     @property
     def variance_m2(self) -> float:
-        """Of the centre, along the direction in which it is largest."""
+        """Variance of the centre, along the direction in which it is largest."""
         return float(np.linalg.eigvalsh(self.covariance)[-1])
 
     @property

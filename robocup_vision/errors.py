@@ -1,4 +1,4 @@
-"""The error family under the library's own name: what `robocup_vision` raises stands in `field_models.errors`."""
+"""The exceptions under the library's own name; they are defined in `field_models.errors`."""
 
 from field_models.errors import ArgumentError, FileError, FrameError, PacketError, RobocupVisionError
 

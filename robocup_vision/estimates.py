@@ -1,4 +1,4 @@
-"""Result of a localiser: a pose with its covariance and candidates, or, falsy, the reason why there is none."""
+"""Result of a localiser: a pose with its covariance and candidates, or the reason why there is none (falsy)."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from robocup_vision.geometry import Pose2, compose_covariance, half_turn_covaria
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseEstimate:
-    """A pose on the field as one frame shows it.
+    """An estimated pose on the field.
 
     Parameters
     ----------
     pose : Pose2
-        The first candidate: the robot in the field frame (method "goal": the camera).
+        The first candidate: pose of the robot in the field frame (method "goal": of the camera).
     covariance : (3, 3) float64
-        Of (x_m, y_m, theta_rad), in m, m and rad.
+        Covariance of (x_m, y_m, theta_rad), in m, m and rad.
     inlier_ratio : float
         Fraction of the measurements that agree with the pose, 0 to 1.
     residual_px : float
         Root mean square of the inliers' residuals, pixels.
     candidates : tuple of Pose2
-        All poses the frame allows, `pose` first; two on a point-symmetric field where nothing separates its halves.
+        All poses that fit the frame, `pose` first; two on a point-symmetric field if nothing separates its halves.
     """
 
     pose: Pose2
@@ -50,17 +50,17 @@ class PoseEstimate:
 
     @property
     def x_m(self) -> float:
-        """Of the pose."""
+        """Coordinate x of the pose, field frame."""
         return self.pose.x_m
 
     @property
     def y_m(self) -> float:
-        """Of the pose."""
+        """Coordinate y of the pose, field frame."""
         return self.pose.y_m
 
     @property
     def theta_rad(self) -> float:
-        """Of the pose."""
+        """Heading of the pose, field frame."""
         return self.pose.theta_rad
 
     def __bool__(self) -> Literal[True]:
@@ -72,9 +72,9 @@ class PoseEstimate:
         return np.sqrt(np.diag(self.covariance))
 
     def seen_from(self, mount: Pose2) -> PoseEstimate:
-        """Return the estimate, with its candidates, of a thing at the pose `mount` in this one's frame."""
+        """Return the estimate, with its candidates, of a frame at the pose `mount` in this one's frame."""
         candidates, covariance = tuple(candidate.compose(mount) for candidate in self.candidates), self.covariance
-        # a turn about the origin alone, as of a head that pans, does not change the covariance
+        # a mere rotation, as of a head that pans, does not change the covariance
         if mount.x_m or mount.y_m:
             covariance = compose_covariance(self.pose, covariance, mount, np.zeros((3, 3)))
         return PoseEstimate(candidates[0], covariance, self.inlier_ratio, self.residual_px, candidates)
@@ -89,12 +89,12 @@ class PoseEstimate:
 
 @dataclass(frozen=True, slots=True)
 class NotLocated:
-    """No pose is determined by this frame. Falsy, so `if view.pose:` reads as it should.
+    """No pose is determined by this frame. It is falsy, so that `if view.pose:` works.
 
     Parameters
     ----------
     reason : str
-        Why, in words a user understands.
+        The reason, in words that a user understands.
     """
 
     reason: str
@@ -105,13 +105,13 @@ class NotLocated:
 
 @dataclass(frozen=True, slots=True)
 class SwappedChannels(NotLocated):
-    """No pose, as red and blue seem to be swapped, and the half by the goals' colours would be wrong."""
+    """No pose, because red and blue seem to be swapped, and the half found by the goals' colours would be wrong."""
 
 
 class EdgeState(IntEnum):
-    """What a frame shows where an edge of the field was predicted.
+    """What was found at the predicted place of an edge of the field.
 
-    `UNSEEN`: too faint to be searched for; `FOUND`; `HIDDEN`: something stands before it; `MISSING`: plain carpet.
+    `UNSEEN`: too faint to be searched for; `FOUND`; `HIDDEN`: something is in front of it; `MISSING`: plain carpet.
     """
 
     UNSEEN = 0
@@ -124,8 +124,8 @@ class EdgeState(IntEnum):
 class EdgePoints:
     """Places on edges of the field that a pose predicts in a frame."""
 
-    pixels: FloatArray  #: (N, 2) float64: where they are predicted, u and v
-    state: npt.NDArray[np.uint8]  #: (N,) uint8: what the frame shows there, values of `EdgeState`
+    pixels: FloatArray  #: (N, 2) float64: predicted places, u and v
+    state: npt.NDArray[np.uint8]  #: (N,) uint8: what was found there, values of `EdgeState`
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "pixels", read_only(self.pixels))
@@ -135,5 +135,5 @@ class EdgePoints:
 
 
 def pose_of(prior: PoseEstimate | Pose2 | None) -> Pose2 | None:
-    """Return a prior's pose alone."""
+    """Return the pose of a prior, which may itself be a pose or None."""
     return prior.pose if isinstance(prior, PoseEstimate) else prior

@@ -1,4 +1,4 @@
-"""The pitch under the library's own name: `load_field` and what it returns stand in `field_models`."""
+"""Fields under the library's own name: `load_field` and `Field` are defined in `field_models`."""
 
 from field_models.catalog import field_names, load_field
 from field_models.field import Field

@@ -1,4 +1,4 @@
-"""Poses and angles in the plane, and how covariances travel with them (ROS REP-103: x forward, y left, angles CCW)."""
+"""Poses, angles and their covariances in the plane (ROS REP-103: x forward, y left, angles counter-clockwise)."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ _HALF_TURN_SIGNS = np.array([[1.0, 1.0, -1.0], [1.0, 1.0, -1.0], [-1.0, -1.0, 1.
 
 
 def wrap_angle(angle_rad: float) -> float:
-    """Return the same direction in (-pi, pi]."""
+    """Return an equivalent angle in (-pi, pi]."""
     wrapped = math.remainder(angle_rad, math.tau)
     return math.pi if wrapped <= -math.pi else wrapped
 
 
 def in_degrees(angle: float) -> str:
-    """Return the end of a message about an angle that is too large: what it is in radians if it is in degrees."""
+    """Return the end of a message about an angle that is too large, with its value in radians if it was in degrees."""
     return f"; {angle:g} degrees are {math.radians(angle):.4f} rad"
 
 
 @dataclass(frozen=True, slots=True)
 class Pose2:
-    """A rigid pose in the plane, or the transform from the moving frame into the reference frame.
+    """A pose in the plane; also the transform from the moving frame into the reference frame.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Pose2:
     Raises
     ------
     ArgumentError
-        If `theta_rad` is no number, or infinite.
+        If `theta_rad` is not a finite number.
     """
 
     x_m: float
@@ -59,7 +59,7 @@ class Pose2:
         return np.array([self.x_m, self.y_m, self.theta_rad])
 
     def compose(self, other: Pose2) -> Pose2:
-        """Return `self * other`: `other`, given in this pose's frame, seen from the reference frame."""
+        """Return `self * other`: the pose in the reference frame of `other`, which is given in this pose's frame."""
         c, s = math.cos(self.theta_rad), math.sin(self.theta_rad)
         return Pose2(
             self.x_m + c * other.x_m - s * other.y_m,
@@ -68,7 +68,7 @@ class Pose2:
         )
 
     def inverse(self) -> Pose2:
-        """Return the transform back: the reference frame's pose seen from the moving frame."""
+        """Return the inverse transform: the pose of the reference frame in the moving frame."""
         c, s = math.cos(self.theta_rad), math.sin(self.theta_rad)
         return Pose2(-c * self.x_m - s * self.y_m, s * self.x_m - c * self.y_m, -self.theta_rad)
 
@@ -79,7 +79,7 @@ class Pose2:
         return np.asarray(points @ np.array([[c, s], [-s, c]]) + (self.x_m, self.y_m))
 
     def half_turn(self) -> Pose2:
-        """Return the pose turned by pi about the field's centre: on a point-symmetric field both look alike."""
+        """Return the pose turned by pi about the field's centre; on a point-symmetric field both look the same."""
         return Pose2(-self.x_m, -self.y_m, self.theta_rad + math.pi)
 
     def error_to(self, truth: Pose2, *, symmetric: bool = False) -> tuple[float, float]:
@@ -90,8 +90,8 @@ class Pose2:
         truth : Pose2
             The pose to compare with.
         symmetric : bool
-            Count modulo a half turn about the field's centre: the better of the two, metres and radians added up,
-            because near the centre both halves are equally far away and only the heading parts them.
+            Whether the error counts modulo a half turn about the field's centre. The pose with the smaller sum of both
+            errors (metres plus radians) counts, because near the centre only the heading distinguishes the two.
         """
         if symmetric:
             return min(self.error_to(truth), self.half_turn().error_to(truth), key=lambda e: e[0] + e[1])
@@ -120,12 +120,12 @@ def compose_covariance(first: Pose2, first_cov: FloatArray, second: Pose2, secon
 
 
 def turned_covariance(covariance: FloatArray, theta_rad: float) -> FloatArray:
-    """Covariance (2, 2) of a place after a turn."""
+    """Covariance (2, 2) of a place after a rotation by an angle."""
     c, s = math.cos(theta_rad), math.sin(theta_rad)
     turn = np.array([[c, -s], [s, c]])
     return np.asarray(turn @ covariance @ turn.T)
 
 
 def half_turn_covariance(covariance: FloatArray) -> FloatArray:
-    """Covariance (3, 3) of `pose.half_turn()`: x and y change sign, so their products with theta do."""
+    """Covariance (3, 3) of `pose.half_turn()`: x and y change sign, and so do their products with theta."""
     return np.asarray(covariance * _HALF_TURN_SIGNS)

@@ -1,6 +1,6 @@
-"""What a view shows as points and paths in its frame's pixels: for the overlay picture and for the live page.
+"""Converts a view to points and paths in its frame's pixels, for the overlay picture and the live page.
 
-Drawing is left to whoever draws; here is only where things lie.
+It only computes positions; the callers draw.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from robocup_vision.view import View
 Paths = tuple[FloatArray, ...]
 
 _NO_POINTS = np.empty((0, 2))
-# points of a straight piece, as fractions of half its width
+# points along an obstacle's near side, as multiples of half its width
 _ACROSS = np.linspace(-1.0, 1.0, 7)
-# a mirror camera's paths are drawn a little beyond the radius that it is used to
+# a mirror camera's paths are drawn slightly beyond its usable radius
 _BEYOND_RADIUS = 1.05
 # drawn length of a crossing's arms
 _ARM_M = 0.15
@@ -29,11 +29,11 @@ _ARM_M = 0.15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ImageLayers:
-    """What a view shows, in pixels of its frame. Points are finite; paths have two points or more."""
+    """The layers of a view, in pixels of its frame. Points are finite; paths have two points or more."""
 
-    edge_px: FloatArray  #: (K, 2) float64: the floor's detected edge
+    edge_px: FloatArray  #: (K, 2) float64: the floor boundary
     lines_px: FloatArray  #: (N, 2) float64: points on painted lines
-    free_px: FloatArray  #: (P, 2) float64: outline of the free floor; empty where none is known
+    free_px: FloatArray  #: (P, 2) float64: outline of the free floor; empty if none is known
     field_px: Paths  #: lines and walls of the field at the view's pose
     #: goals at the view's pose: posts and bars in a pinhole camera's frame, the walls' feet in a mirror camera's
     goals_px: Paths
@@ -42,13 +42,7 @@ class ImageLayers:
 
 
 class ImageLayerMaker:
-    """Places what views show in their frames.
-
-    Parameters
-    ----------
-    field : Field
-        The pitch that the views are of.
-    """
+    """Makes the layers of views of one field."""
 
     def __init__(self, field: Field) -> None:
         self._field = field
@@ -72,14 +66,14 @@ class ImageLayerMaker:
         )
 
     def field_at(self, camera: OmniCamera | PinholeCamera, pose: Pose2) -> Paths:
-        """Return lines and walls of the field as a camera shows them from a pose of the robot."""
+        """Return the lines and walls of the field as a camera shows them from a pose of the robot."""
         return _pieces(camera, camera.floor_to_pixel(pose.inverse().transform(self._lines)), self._line_ends)
 
     def _at_pose(self, view: View) -> tuple[Paths, Paths]:
         if not view.pose:
             return (), ()
         camera, to_robot = view.camera, view.pose.pose.inverse()
-        # one projection costs less than two
+        # one projection of all points takes less time than two
         floor_px = camera.floor_to_pixel(to_robot.transform(self._floor))
         field_px = _pieces(camera, floor_px[: len(self._lines)], self._line_ends)
         if not isinstance(camera, PinholeCamera):
@@ -95,14 +89,14 @@ class ImageLayerMaker:
         camera = view.polar.camera
         angle = np.linspace(0.0, math.tau, 25)
         rim = np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle)], axis=1) * self._field.ball_radius_m
-        # about its centre where the camera's height is known, else as if it lay flat on the floor
+        # at the height of the ball's centre if the camera's height is known, otherwise on the floor
         rim[:, 2] *= camera.height_m is not None
         pixels = camera.point_to_pixel(rim + np.array([view.ball.x_m, view.ball.y_m, 0.0]))
         return _pieces(camera, pixels, np.array([len(pixels)]))
 
 
 def field_outlines(field: Field) -> list[FloatArray]:
-    """Return lines, arcs and walls of a field as paths (N, 2) with points so near that a mirror bends them smoothly."""
+    """Return lines, arcs and walls of a field as paths (N, 2), dense enough to look smooth in a mirror's picture."""
     spacing = max(field.length_m, field.width_m) / 100
     paths = []
     for x0, y0, x1, y1 in np.vstack([field.lines, field.walls] if field.is_bounded else [field.lines]):
@@ -115,7 +109,7 @@ def field_outlines(field: Field) -> list[FloatArray]:
 
 
 def _post_outlines(field: Field) -> list[FloatArray]:
-    """Axes (N, 3) of posts and bars."""
+    """Return the axes (N, 3) of posts and bars, one path per goal."""
     paths = []
     for goal in field.goals:
         if goal.kind != "posts":
@@ -129,7 +123,7 @@ def _post_outlines(field: Field) -> list[FloatArray]:
 
 
 def _goal_wall_outlines(field: Field) -> list[FloatArray]:
-    """Feet (N, 2) of the walls of goals that have walls."""
+    """Return the feet (N, 2) of the walls of goals that have walls."""
     return [
         np.vstack([np.linspace(wall[:2], wall[2:], 9) for wall in goal.panels])
         for goal in field.goals
@@ -138,18 +132,18 @@ def _goal_wall_outlines(field: Field) -> list[FloatArray]:
 
 
 def _stacked(paths: list[FloatArray]) -> tuple[FloatArray, Int64Array]:
-    """Return all points of paths, and where each path ends: one projection then serves all of them."""
+    """Return the points of all paths in one array, so that they can be projected together, and each path's end."""
     if not paths:
         return _NO_POINTS, np.empty(0, dtype=np.int64)
     return np.vstack(paths), np.cumsum([len(path) for path in paths])
 
 
 def _pieces(camera: OmniCamera | PinholeCamera, pixels: FloatArray, ends: Int64Array) -> Paths:
-    """Return the stretches of paths that lie in the picture."""
+    """Return the parts of paths that are in the picture."""
     if not len(pixels):
         return ()
     if isinstance(camera, PinholeCamera):
-        # what lies far outside the picture need not be drawn, nor fit into OpenCV's numbers
+        # points far outside the picture are not drawn; they might overflow OpenCV's integers
         off_px = np.abs(pixels - camera.center_px)
         shown = (off_px[:, 0] < camera.size_px[0]) & (off_px[:, 1] < camera.size_px[1])
     else:
@@ -158,7 +152,7 @@ def _pieces(camera: OmniCamera | PinholeCamera, pixels: FloatArray, ends: Int64A
     first = np.zeros(len(pixels), dtype=bool)
     first[0] = True
     first[ends[:-1]] = True
-    # a stretch goes on where the point before is shown, too, and belongs to the same path
+    # a part continues at a point if the point before is shown, too, and belongs to the same path
     goes_on = np.zeros(len(pixels) + 1, dtype=bool)
     goes_on[1:-1] = shown[:-1] & shown[1:] & ~first[1:]
     begins = np.flatnonzero(shown & ~goes_on[:-1])
@@ -181,7 +175,7 @@ def _obstacles(view: View) -> Paths:
 def marking_paths(view: View) -> Paths:
     """Return a view's markings in its frame: segments, circles, arms of crossings, crosses at posts' feet and marks.
 
-    They are found when this is called, see `View.markings`.
+    This computes the markings, see `View.markings`.
     """
     source, markings = view.marking_source, view.markings
     if source is None or not markings:

@@ -1,7 +1,7 @@
 """Memory: estimates the robot's pose, other robots and the free floor over time, from frames and odometry.
 
-The parts are in `localization.filter`, `tracking` and `mapping`. Here they work together: the tracks are masked from
-the map, and both are updated from the filtered pose, not from the pose of a single frame.
+It combines the parts in `localization.filter`, `tracking` and `mapping`: tracked robots are masked out of the map, and
+tracks and map are updated with the filtered pose, not with the pose of a single frame.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from robocup_vision.tracking import KnownFreeSpace, MovingObjects, MovingObjects
 from robocup_vision.view import View
 
 _FLOOR = "floor"
-# odometry is a little off, and robots are a little faster than they should be
-_FASTER = 1.5
+# tolerance of the speed limit: odometry has errors, and robots may be somewhat faster than stated
+_MAX_SPEED_RATIO = 1.5
 _NO_TIME = "memory needs the time of a frame: hand t_s to look"
 
 
@@ -48,15 +48,15 @@ class MemorySettings:
         A value is out of its range.
     """
 
-    poses: PoseFilterSettings = PoseFilterSettings()  #: of the pose filter
+    poses: PoseFilterSettings = PoseFilterSettings()  #: settings of the pose filter
     odometry: OdometryNoise = OdometryNoise()  #: errors of the odometry
     frames: FrameErrors | None = None  #: errors of single frames; None: those of the kind of camera that `Vision` has
-    objects: MovingObjectsSettings = MovingObjectsSettings()  #: of the tracking of other robots
-    free_map: FreeSpaceMapSettings = FreeSpaceMapSettings()  #: of the map of the free floor
-    longest_m: float = 1.3  #: obstacles farther away are not tracked: that camera measures them too badly
-    mask_margin_m: float = 0.05  #: tracks are masked from the map with this margin: the error of a robot's position
-    #: a pose that differs from odometry by more is of another place: corrections are smaller. Tracks and map begin
-    #: anew.
+    objects: MovingObjectsSettings = MovingObjectsSettings()  #: settings of the tracking of other robots
+    free_map: FreeSpaceMapSettings = FreeSpaceMapSettings()  #: settings of the map of the free floor
+    longest_m: float = 1.3  #: obstacles farther away are measured too inaccurately to be tracked
+    mask_margin_m: float = 0.05  #: margin around tracks that are masked out of the map: the error of their positions
+    #: If the pose changes against odometry by more than this, the robot was elsewhere, since corrections are smaller.
+    #: Tracks and map are then forgotten.
     jump_m: float = 0.25
     jump_rad: float = 0.35
 
@@ -68,7 +68,7 @@ class MemorySettings:
 
 
 class Memory:
-    """Joins the views of a robot's frames over time; one object a robot.
+    """Combines the views of a robot's frames over time; one object per robot.
 
     Parameters
     ----------
@@ -81,29 +81,29 @@ class Memory:
     free_map : FreeSpaceMap or None
         Maps the free floor, by the sensor ``floor`` of its models. None: no map is made.
     object_radius_m : float, optional
-        Of the robots that move on the field; default: as its league's are.
+        Radius of the robots that move on the field; by default that of the field's league.
     ego_motion : ViewMotion, optional
-        Estimates the motion between the views of a mirror camera: the odometry where none is handed over, and fused
-        with it where it is, as wheels may slip. Frames must then come in the order they were taken in.
+        Estimates the motion between the views of a mirror camera. It replaces missing odometry, and is fused with given
+        odometry, since wheels may slip. Frames must then come in the order in which they were taken.
     half : {"own"}, optional
-        The half of the field in which the robot is known to begin, and again after `forget`: its own one, x < 0. Where
-        nothing tells the halves apart, and nobody says where the robot begins, both stay equally probable.
+        The field half in which the robot starts, and again after `forget`: its own one, x < 0. Without it, and where
+        nothing distinguishes the halves, both stay equally probable.
     limits : MotionLimits, optional
-        Of this robot: odometry that is half as fast again is not believed. Without them only what no robot can do is.
+        Limits of this robot: odometry faster than 1.5 times its speed is ignored. Default: those of any robot.
     settings : MemorySettings, optional
-        Of this object; those of its parts count for the parts that it makes.
+        Settings of this object, and of those of its parts that it makes itself.
 
     Raises
     ------
     ArgumentError
-        If the map has no sensor ``floor``, `half` is another one, or limits or a half come with a pose filter that has
-        its own.
+        If the map has no sensor ``floor``, `half` is another value, or `limits` or `half` are given together with
+        `poses`.
 
     Notes
     -----
     Call `predict` at each control step and `update` for each frame, or hand the object to `Vision`, which does both.
-    Tracks and map are in the field frame, so there are none while the pose is unknown. Both begin anew when the robot
-    turns out to be elsewhere.
+    Tracks and map are in the field frame, so there are none while the pose is unknown. Both are forgotten when the
+    robot turns out to be elsewhere.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class Memory:
             require_kind("limits", limits, MotionLimits, "MotionLimits(speed_mps, ...)")
             if poses is not None:
                 raise ArgumentError("limits are for the pose filter that Memory makes: leave out poses or limits")
-            max_speed_mps = _FASTER * limits.speed_mps
+            max_speed_mps = _MAX_SPEED_RATIO * limits.speed_mps
             settings = replace(settings, poses=replace(settings.poses, max_speed_mps=max_speed_mps))
         if half is not None and poses is not None:
             raise ArgumentError("half is for the pose filter that Memory makes: leave out poses or half")
@@ -140,7 +140,7 @@ class Memory:
         )
         self.objects, self.free_map = objects, free_map
         self.ego_motion = ego_motion
-        # odometry handed over since the last view; None: none was
+        # odometry received since the last view; None: none was
         self._since_view: Pose2 | None = None
         self._predicted_s = -math.inf
         self.object_radius_m = field.robot_radius_m if object_radius_m is None else object_radius_m
@@ -160,7 +160,7 @@ class Memory:
         limits: MotionLimits | None = None,
         half: Half | None = None,
     ) -> Memory:
-        """Return a memory that tracks other robots, and maps the free floor by the camera alone."""
+        """Return a memory that also tracks other robots and maps the free floor, by the camera alone."""
         floor = {_FLOOR: default_sensors()[_FLOOR]}
         return cls(
             field,
@@ -172,7 +172,7 @@ class Memory:
         )
 
     def serve(self, camera: OmniCamera | PinholeCamera) -> None:
-        """Choose how frames err by their camera, unless settings or a pose filter say it; `Vision` calls this."""
+        """Set the error model of frames by the kind of camera, unless the user has given one; `Vision` calls this."""
         if self._chooses_frame_errors:
             self.poses.frame_errors = FORWARD_FRAME_ERRORS if isinstance(camera, PinholeCamera) else FrameErrors()
 
@@ -189,14 +189,14 @@ class Memory:
         Parameters
         ----------
         view : View
-            Of a mirror camera, with the time it was taken; later than the view before and the last `predict`.
+            A view of a mirror camera with its time, which must be later than the view before and the last `predict`.
         odometry : Pose2, optional
-            The robot's motion since the last `predict` or view, in its frame then.
+            The robot's motion since the last `predict` or view, in the robot frame of that moment.
 
         Raises
         ------
         ArgumentError
-            There is no `ego_motion`, or the view has no time, runs backwards or is no mirror camera's.
+            If there is no `ego_motion`, the view has no time or an earlier one, or it is not of a mirror camera.
         """
         t_s = view.t_s
         if t_s is None:
@@ -215,12 +215,12 @@ class Memory:
         before = self._since_view
         reported = odometry if before is None else before if odometry is None else before.compose(odometry)
         motion = self.ego_motion.update(view, reported).motion
-        # `predict` has already moved the estimate by a part of it
+        # `predict` has already moved the estimate by the motion `before`
         self.poses.predict(motion if before is None else before.inverse().compose(motion), t_s)
         self._since_view = None
 
     def can_move(self, odometry: Pose2, t_s: float) -> bool:
-        """Return whether a robot can have moved so far by this time since the last `predict`: else it is a glitch."""
+        """Return whether a robot can have done this motion in the time since the last `predict`."""
         return self.poses.can_move(odometry, t_s)
 
     def prior(self, t_s: float) -> Pose2 | None:
@@ -237,7 +237,7 @@ class Memory:
         Parameters
         ----------
         view : View
-            With its time `t_s`. A view from before the last one updates the pose alone.
+            The view, with its time `t_s`. A view older than the last one updates the pose only.
 
         Raises
         ------
@@ -255,7 +255,7 @@ class Memory:
         return self.belief(t_s)
 
     def belief(self, t_s: float) -> Belief:
-        """Return the estimates now, with the time `t_s`."""
+        """Return the present estimates, marked with the time `t_s`."""
         picture = None
         pose = self.poses.belief
         if pose and self.free_map is not None and self._last is not None:
@@ -263,7 +263,7 @@ class Memory:
         return Belief(t_s, pose, self.poses.hypotheses, self._tracks, picture)
 
     def forget(self) -> None:
-        """Forget everything: the next frame begins anew."""
+        """Forget all estimates."""
         self.poses.forget()
         if self.ego_motion is not None:
             self.ego_motion.forget()

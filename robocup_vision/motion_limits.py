@@ -1,4 +1,4 @@
-"""How fast a robot can go, start and stop: what every plan is timed with (the motion model of avoidance)."""
+"""The robot's motion model for all plans and for steering: speed, acceleration and dead time."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from field_models.errors import ArgumentError
 
 @dataclass(frozen=True, slots=True)
 class MotionLimits:
-    """The robot's motion model: eq. 10 of Sekimori et al. (2001), as steering has it.
+    """The robot's motion model: eq. 10 of Sekimori et al. (2001), as used in steering.
 
     Parameters
     ----------
     speed_mps : float
         Largest speed.
     acceleration_mps2 : float
-        Largest change of the velocity.
+        Largest acceleration.
     dead_time_s : float
-        From a decision until the robot obeys.
+        Time from a decision until the robot obeys.
 
     Raises
     ------
     ArgumentError
-        A value is out of its range.
+        If a value is out of its range.
     """
 
     speed_mps: float
@@ -41,10 +41,9 @@ class MotionLimits:
                 raise ArgumentError(f"{name} must be at least {least:g}, got {value!r}")
 
     def travel_s(self, distance_m: float) -> float:
-        """Seconds from rest to rest over this distance; 0 for none.
+        """Return the time from rest to rest over a distance, seconds; 0 for a distance of 0.
 
-        Never more than by way of a stop between (it is concave in the distance): the bounds of the gate problem
-        rest on that.
+        It is concave in the distance, so a stop in between never saves time; the bounds of the gate problem need this.
         """
         if distance_m <= 0.0:
             return 0.0
@@ -53,5 +52,5 @@ class MotionLimits:
         return self.dead_time_s + distance_m / self.speed_mps + self.speed_mps / self.acceleration_mps2
 
     def stop_m(self, speed_mps: float) -> float:
-        """Metres from the decision to stop, at this speed, to rest."""
+        """Return the distance from the decision to stop, at a speed, until rest, metres."""
         return speed_mps * self.dead_time_s + 0.5 * speed_mps**2 / self.acceleration_mps2

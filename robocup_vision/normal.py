@@ -1,4 +1,4 @@
-"""The normal distribution's integral over arrays."""
+"""The cumulative distribution function of the normal distribution for arrays."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from robocup_vision.arrays import FloatArray, read_only
 # squared Mahalanobis distance within which 99.9 % of a normal distribution in two dimensions lie
 GATE_2D = 13.8
 
-# 2e-19 lie beyond this many standard deviations; linear interpolation between these steps is off by 3e-8 at most
+# range of the table in standard deviations (beyond it lies a probability of 2e-19), and entries for each of them; the
+# error of linear interpolation is at most 3e-8
 _REACH, _STEPS = 9, 1024
 
 
 def normal_below(z: npt.ArrayLike) -> FloatArray:
-    """Return the probability that a standard normal variable lies below each value, right to 3e-8."""
+    """Return the probability that a standard normal variable is below each value, with an error of at most 3e-8."""
     table = _table()
     place = (np.clip(np.asarray(z, dtype=np.float64), -_REACH, _REACH) + _REACH) * _STEPS
     index = np.minimum(np.nan_to_num(place).astype(np.int64), len(table) - 2)

@@ -1,4 +1,4 @@
-"""The overlay a team wants in its first hour: what the robot sees, drawn over the frame it saw it in."""
+"""Draws a view over its frame: what the robot sees."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ EDGE_COLORS: dict[EdgeState, Bgr] = {
 # smaller pictures are enlarged, so that thin lines and the text stay readable
 _MIN_WIDTH = 640
 _SHIFT = 4
-# as many letters as fit beside one another
+# number of letters that fit into a line
 _REASON_LETTERS = 72
 
 
@@ -53,28 +53,27 @@ def draw(
 ) -> UInt8Array:
     """Draw a view over its frame.
 
-    The fitted field and its goals of posts in cyan, the floor's detected edge in red, the free space as a green fan,
+    The fitted field and its goals of posts are drawn in cyan, the floor boundary in red, the free space as a green fan,
     obstacles in orange, the ball in magenta, and the pose with its standard deviations as text. Method "edges" adds
     dots where edges of the field were predicted: green found, grey hidden, yellow missing.
 
     Parameters
     ----------
     view : View
-        What `vision` saw.
+        The view that `vision` returned.
     frame : (H, W, 3) uint8
-        In this frame, of the channels that `vision` takes. Of a rig the sequence that was looked at: the pictures then
-        stand side by side.
+        Its frame, with the channel order of `vision`; for a rig the frames, whose pictures are put side by side.
     vision : Vision
-        The object that looked.
+        The object that returned the view.
     out : (s H, s W, 3) uint8, optional
-        The BGR picture to draw on: the frame itself, or one that is a whole number s times as large.
+        The BGR picture to draw on: the frame itself, or a picture that is an integer factor s larger.
     markings : bool
-        Whether to draw the view's markings, too, in violet: they are found then.
+        Whether to draw the view's markings, too, in violet; they are computed for this.
 
     Returns
     -------
     (s H, s W, 3) uint8
-        `out`, or a new BGR picture, a whole number s times as large as the frame.
+        `out`, or a new BGR picture, an integer factor s larger than the frame.
 
     Raises
     ------
@@ -98,7 +97,7 @@ def draw(
         canvas = canvas.copy() if np.shares_memory(canvas, frame) else canvas
     else:
         canvas, scale = cast("UInt8Array", out), _scale_of(out, width, height)
-    # before the frame itself is drawn on
+    # markings must be found before the frame, which may be `out`, is drawn on
     paths = marking_paths(view) if markings else ()
     draw_layers(view, canvas, vision, scale)
     _draw_paths(canvas, paths, scale, MARKING_COLOR, 2)
@@ -107,7 +106,7 @@ def draw(
 
 
 def _draw_rig(view: RigView, frames: object, vision: Vision, out: Frame | None, markings: bool) -> UInt8Array:
-    """Draw the pictures of a rig's cameras side by side, those that gave none left dark."""
+    """Draw the pictures of a rig's cameras side by side, dark where a camera gave no frame."""
     count = len(view.views)
     if out is not None or not isinstance(frames, (tuple, list)) or len(frames) != count:
         raise ArgumentError(
@@ -123,12 +122,12 @@ def _draw_rig(view: RigView, frames: object, vision: Vision, out: Frame | None, 
 
 
 def draw_layers(view: View, canvas: UInt8Array, vision: Vision, scale: int = 1) -> None:
-    """Draw what `draw` does, without the text and the checks, on a BGR picture `scale` times as large as the frame."""
+    """Draw as `draw` does, but without text and checks, on a BGR picture `scale` times as large as the frame."""
     layers = _layer_maker(vision.field).layers(view)
     _draw_free_space(canvas, layers.free_px, scale)
     _draw_paths(canvas, layers.field_px, scale, FIELD_COLOR)
     if isinstance(view.camera, PinholeCamera):
-        # the walls of a goal in a mirror camera's frame are walls of the field
+        # in a mirror camera's frame, the walls of goals are already drawn as walls of the field
         _draw_paths(canvas, layers.goals_px, scale, FIELD_COLOR, 2)
     for points, color in ((layers.lines_px, LINE_POINT_COLOR), (layers.edge_px, BOUNDARY_COLOR)):
         _draw_dots(canvas, points, scale, color)
@@ -149,10 +148,10 @@ def _draw_dots(canvas: UInt8Array, points_px: FloatArray, scale: int, color: Bgr
 
 
 def _draw_free_space(canvas: UInt8Array, outline_px: FloatArray, scale: int) -> None:
-    if not len(outline_px):  # a table that ends before the free floor does
+    if not len(outline_px):  # no point of the outline is in the picture
         return
     shape = _fixed(outline_px, scale)
-    # only where the fan is: the picture is copied for its tint
+    # only the part of the picture with the fan is copied and tinted
     width, height = canvas.shape[1::-1]
     (left, top), (right, bottom) = (shape.min(axis=0) >> _SHIFT).tolist(), (shape.max(axis=0) >> _SHIFT).tolist()
     left, top = max(left - 2, 0), max(top - 2, 0)
@@ -171,8 +170,8 @@ def _draw_paths(canvas: UInt8Array, paths: Paths, scale: int, color: Bgr, thickn
 
 
 def _fixed(points_px: FloatArray, scale: int) -> Int32Array:
-    """Points (N, 2) as OpenCV's drawing takes them: fractions of a pixel of the enlarged picture."""
-    # pixel centres at integers, also in the enlarged picture
+    """Return points (N, 2) in OpenCV's fixed-point format, in pixels of the enlarged picture."""
+    # pixel centres are at integers, also in the enlarged picture
     return np.rint(((points_px + 0.5) * scale - 0.5) * (1 << _SHIFT)).astype(np.int32)
 
 
@@ -182,12 +181,12 @@ def _layer_maker(field: Field) -> ImageLayerMaker:
 
 
 def _scale_of(out: Frame, width: int, height: int) -> int:
-    """Return how many times as large as the frame a picture is.
+    """Return the factor by which a picture is larger than the frame.
 
     Raises
     ------
     ArgumentError
-        If it is no whole number, or the picture cannot be drawn on.
+        If it is not an integer, or the picture cannot be drawn on.
     """
     if not isinstance(out, np.ndarray) or out.dtype != np.uint8 or out.ndim != 3:
         raise ArgumentError(f"out must be a (s H, s W, 3) uint8 array, got {type(out).__name__}")
@@ -213,13 +212,13 @@ def _summary(view: View) -> list[str]:
 
 def _write(canvas: UInt8Array, lines: list[str]) -> None:
     size = canvas.shape[1] / _MIN_WIDTH
-    # extent of the lowest letters' rim
+    # the part of the picture down to the rim of the last line
     canvas = canvas[: round((18 * len(lines) + 12) * size)]
     letters = np.zeros(canvas.shape[:2], dtype=np.uint8)
     for row, text in enumerate(lines):
         place = (round(6 * size), round((18 + 18 * row) * size))
         cv2.putText(letters, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.47 * size, 255, 1, cv2.LINE_AA)
-    # a thicker pen would move the letters apart in some versions of OpenCV, so the dark rim is grown from them
+    # the dark rim is dilated from the letters, since a thicker pen changes their spacing in some versions of OpenCV
     rim = np.asarray(cv2.dilate(letters, np.ones((5, 5), dtype=np.uint8)), dtype=np.uint8)
     cv2.min(canvas, cv2.merge([cv2.bitwise_not(rim)] * 3), canvas)
     cv2.max(canvas, cv2.merge([letters] * 3), canvas)

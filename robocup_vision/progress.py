@@ -13,17 +13,17 @@ WIDTH = 30
 SECONDS_BETWEEN_DRAWINGS = 0.1
 
 
-# how far the loop of this process that moved last has come: for the line that an interrupted command ends with
+# progress of the latest loop in this process, for the last line of an interrupted command
 _reached = ""
 
 
 def reached() -> str:
-    """Return how far the latest loop has come, as ``label done/total``; empty before the first."""
+    """Return the progress of the latest loop as ``label done/total``; empty before the first."""
     return _reached
 
 
 def progress(iterable: Iterable[T], total: int, label: str) -> Iterator[T]:
-    """Yield the items of `iterable`; while stderr is a terminal, draw there how many of `total` are done."""
+    """Yield the items of `iterable`; if stderr is a terminal, draw a bar there with the number of finished items."""
     global _reached
     is_drawn = sys.stderr.isatty()
     drawn_s = 0.0
@@ -42,7 +42,7 @@ def progress(iterable: Iterable[T], total: int, label: str) -> Iterator[T]:
 
 
 def draw(label: str, done: int, total: int) -> None:
-    """Draw how many are done, over what was drawn before."""
+    """Draw the bar in place of the previous one."""
     filled = WIDTH * min(done, total) // max(total, 1)
     sys.stderr.write(f"\r{label} [{'#' * filled}{'.' * (WIDTH - filled)}] {done}/{total}")
     sys.stderr.flush()

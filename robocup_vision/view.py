@@ -1,4 +1,4 @@
-"""What one frame shows, for either kind of camera: pose, free floor, obstacles, lines and the ball. Robot frame."""
+"""The view: what one frame shows, with any camera: pose, free floor, obstacles, lines and the ball. Robot frame."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ Value = TypeVar("Value")
 
 
 class WhenAsked(Generic[Value]):
-    """Stands in the place of a dataclass field's default, None: the field takes a value, or what works it out.
+    """Descriptor of a dataclass field that is set to a value, or to a callable that computes it; the default is None.
 
-    Most robots never read these fields, so they are worked out when they are first read. A callable that is handed over
-    must not depend on anything that changes later.
+    Most robots never read these fields, so they are computed when they are first read. The callable must not depend on
+    anything that changes later.
     """
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -63,43 +63,43 @@ class View:
     Parameters
     ----------
     pose : PoseEstimate or NotLocated
-        The robot on the field, as this frame alone shows it.
+        Pose of the robot by this frame (and by the prior, if one was given).
     free_space : FreeSpace
         Free range in each direction.
     balls : tuple of Ball
         All balls, robot frame, the likeliest first.
     timings_s : mapping of str to float
-        Seconds each stage took, and ``total``.
+        Computing time of each stage, and ``total``.
     boundary_radius_px : (K,) float64
-        Image radius of the floor's edge at each of the polar view's bearings, NaN where none.
+        Image radius of the floor boundary at each of the polar view's bearings; NaN if there is none.
     marks : (K, M) uint8
-        Polar samples: 0 blocked, 1 floor, 2 line, 3 ball.
+        Classes of the polar samples: 0 blocked, 1 floor, 2 line, 3 ball.
     wall_radius_px : (K,) float64
-        Where the pose predicts the walls; NaN where it predicts none.
+        Image radius of the walls as the pose predicts them; NaN if it predicts none.
     polar : PolarView, FloorView or None
-        Where those samples lie; None where the camera's place over the floor is unknown: then free space, boundary and
-        marks are empty, and there is no obstacle and no ball but a patterned one, whose size says how far away it is.
+        Positions of those samples; None if the camera's pose above the floor is unknown. Then free space, boundary,
+        marks and obstacles are empty, and only patterned balls are found, whose distance is estimated by their size.
     camera : OmniCamera or PinholeCamera
-        The camera as this frame shows it to be mounted on the robot: with the head's pan, tilt and roll as fitted.
+        The camera with its mounting in this frame: pan, tilt and roll as fitted.
     grid : FreeSpaceGrid or None
         The cells of the free space; None with `polar`.
     t_s : float or None
-        When the frame was taken, as passed to `look`.
+        Time of the frame, as passed to `look`.
     belief : Belief or None
-        Estimate over time, where `Vision` has a memory.
+        Estimate over time, if `Vision` has a memory.
     measurement : PoseEstimate or None
-        Estimate by the frame without the prior, where `pose` includes the prior; None: `pose` does not.
+        Estimate by the frame without the prior, if `pose` includes the prior; None: `pose` does not include it.
     edge_points : EdgePoints or None
-        Where edges of the field were predicted and what the frame shows there, with method "edges"; else None.
+        Points at which edges of the field were predicted, and what the frame shows there; only with method "edges".
     obstacle_finder : ObstacleFinder or None
-        What `obstacles` are found by; None: there are none.
+        Finds `obstacles`; None: there are none.
     thumbnail : (h, w, 3) uint8 or None
-        Every fourth pixel of the frame, a copy: what `obstacles` tell hues by.
+        Copy of every fourth pixel of the frame, for the hues of `obstacles`.
     warnings : tuple of str
-        What seems to be wrong with the set-up: red and blue swapped, told once, and odometry up to this frame that no
+        Probable faults of the set-up: swapped red and blue, reported once, and odometry since the last view that no
         robot can do. Empty in almost every view.
     marking_source : MarkingSource or None
-        What `markings` are found by; None: there are none.
+        Finds `markings`; None: there are none.
     """
 
     pose: PoseEstimate | NotLocated
@@ -127,28 +127,28 @@ class View:
 
     @property
     def views(self) -> tuple[View, ...]:
-        """The view of each camera: this one, or those of a rig (`RigView`), to draw on their frames."""
+        """The view of each camera, to draw on its frame: this one, or those of a rig (`RigView`)."""
         return (self,)
 
     @property
     def ball(self) -> Ball | None:
-        """The likeliest ball, robot frame; None: none is seen."""
+        """The likeliest ball, robot frame; None if there is none."""
         return self.balls[0] if self.balls else None
 
     @property
     def camera_pose(self) -> PoseEstimate | NotLocated:
-        """The camera on the field: its foot on the floor, and the heading of its optical axis."""
+        """Pose of the camera, field frame: its foot on the floor, and the heading of its optical axis."""
         if isinstance(self.pose, NotLocated):
             return self.pose
         return self.pose.seen_from(self.camera.camera_in_robot)
 
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
-        """One for each thing that stands on the floor and is no part of the field, the nearest first.
+        """The objects that stand on the floor and are not part of the field, robot frame, the nearest first.
 
-        See `ObstacleFinder`. Computed when asked for; so is the kind of each.
+        See `ObstacleFinder`. They are computed when first read, as is the kind of each.
         """
-        # NumPy finds a maximum several bytes at a time, `any` one after the other
+        # `max` is faster than `any`, since NumPy vectorises it
         if self.polar is None or self.obstacle_finder is None or not (self.marks.size and self.marks.max()):
             return ()
         finder, polar = self.obstacle_finder, self.polar
@@ -163,8 +163,8 @@ class View:
     def markings(self) -> Markings:
         """Line segments, crossings, circles, goal posts and penalty marks, robot frame, each with its covariance.
 
-        Measured by this frame alone; a located pose only says what of the field each is. Worked out when asked, from
-        the frame itself: ask before its array is written to again. Empty where the camera's tilt is not known.
+        They are measured by this frame alone; the pose only identifies them with features of the field. They are
+        computed from the frame when first read, before its array may change. Empty if the camera's tilt is unknown.
 
         Raises
         ------
@@ -174,7 +174,7 @@ class View:
         return Markings() if self.marking_source is None else self.marking_source.find(self.pose)
 
     def of_frame(self, frame: UInt8Array) -> View:
-        """Return this view for a copy of its frame, (H, W, 3) uint8, BGR: what is worked out later reads the copy."""
+        """Return this view with its frame replaced by a copy, (H, W, 3) uint8, BGR, for values computed later."""
         source = self.marking_source
         if source is None or frame is source.frame:
             return self
@@ -186,7 +186,7 @@ class View:
 
     @property
     def boundary_px(self) -> FloatArray:
-        """(K, 2) float64: the floor's edge at each bearing, pixels; NaN rows where none."""
+        """(K, 2) float64: the floor boundary at each bearing, pixels; NaN if there is none."""
         if self.polar is None:
             return read_only(np.empty((0, 2)))
         return read_only(self.polar.to_pixel(self.polar.bearing_rad, self.boundary_radius_px))
@@ -203,24 +203,24 @@ class View:
 class RigView(View):
     """What the frames of several cameras on one body show together.
 
-    `pose`, `free_space`, `balls`, `obstacles` and `measurement` are the body's, at the time `t_s`. What belongs to one
-    picture stands in `views`: here `marks`, the boundary and the edge points are empty, `polar` and `grid` are None,
-    and `camera` is the first one's. The free space goes all around; its range is NaN where no camera sees the floor.
+    `pose`, `free_space`, `balls`, `obstacles` and `measurement` are the body's, at the time `t_s`. Values that belong
+    to one picture are in `views`: here `marks`, the boundary and the edge points are empty, `polar` and `grid` are
+    None, and `camera` is the first one. The free space goes all around, with range NaN where no floor is seen.
     """
 
-    #: of each camera, in the rig's order and at its frame's time. Its pose is the body's, its `measurement` what this
-    #: camera measured. Without a frame it is `NotLocated`.
+    #: View of each camera, in the rig's order and at its frame's time. Its pose is the body's, its `measurement` is by
+    #: this camera alone. Without a frame the pose is `NotLocated`.
     views: tuple[View, ...] = ()
-    motions: tuple[Pose2, ...] = ()  #: motion of the body from each frame to `t_s`, in its frame at that time
-    robot_radius_m: float = 0.0  #: of a robot on this field
+    motions: tuple[Pose2, ...] = ()  #: motion of the body from each frame to `t_s`, in the robot frame at that frame
+    robot_radius_m: float = 0.0  #: radius of a robot on this field
 
     def of_camera(self, number: int) -> View:
-        """Return the view of one camera, by its place in the rig, with the body's belief: to show on its picture."""
+        """Return the view of one camera, by its index in the rig, with the body's belief, to show on its picture."""
         return replace(self.views[number], belief=self.belief)
 
     @cached_property
     def obstacles(self) -> tuple[Obstacle, ...]:
-        """See `View.obstacles`: one for each thing, whether one or several cameras show it."""
+        """See `View.obstacles`; an object that several cameras show is one obstacle."""
         seen = [
             [move_obstacle(obstacle, motion) for obstacle in view.obstacles]
             for view, motion in zip(self.views, self.motions, strict=True)
@@ -229,7 +229,7 @@ class RigView(View):
 
     @cached_property
     def markings(self) -> Markings:
-        """See `View.markings`: those of all cameras, each by its own frame; what two of them show is there twice."""
+        """See `View.markings`; a marking that two cameras show is there twice."""
         seen = [view.markings.moved(motion) for view, motion in zip(self.views, self.motions, strict=True)]
         return Markings(
             tuple(one for markings in seen for one in markings.segments),

@@ -44,9 +44,11 @@ from robocup_vision.view import View
 _NO_TIME = "memory needs the time of a frame: hand t_s to look"
 _NO_FLOOR = "this camera maps none of its pixels to the floor (is its tilt_rad known?)"
 
-_OF_EACH_CAMERA = "the cameras of a rig have floor samples of their own: view.views[0].polar and .grid are the first's"
+_RIG_HAS_NO_SAMPLES = (
+    "the cameras of a rig have floor samples of their own: view.views[0].polar and .grid are the first's"
+)
 
-# finer cells than one a tenth of a degree, or a centimetre on a large field, hold no sample of their own
+# Cells finer than a tenth of a degree, or than a centimetre on a large field, contain no sample of their own.
 _MAX_DIRECTIONS, _MAX_RINGS = 3600, 1000
 
 __all__ = ["View", "Vision"]
@@ -57,7 +59,7 @@ def _is_same_field(one: Field, other: Field) -> bool:
 
 
 def _masks(mask: object, count: int, *, is_rig: bool) -> tuple[UInt8Array | None, ...]:
-    """Return the mask of each camera."""
+    """Return the mask of each of `count` cameras."""
     if mask is None or not is_rig:
         return (cast("UInt8Array | None", mask),) * count
     if not isinstance(mask, (tuple, list)) or len(mask) != count:
@@ -84,12 +86,12 @@ class CameraRefiner(Protocol):
     camera: OmniCamera | PinholeCamera | Rig
 
     def follow(self, frame: Any, view: View) -> OmniCamera | PinholeCamera | Rig | None:
-        """Return a better camera, or None while the one in use will do; of a rig `frame` is a sequence of frames."""
+        """Return a better camera, or None while the current one is good enough; a rig's `frame` is a sequence."""
         ...
 
 
 class Vision:
-    """Turns camera frames into views; one object a camera and thread.
+    """Turns camera frames into views; one object per camera and thread.
 
     Parameters
     ----------
@@ -98,43 +100,43 @@ class Vision:
     camera : OmniCamera or PinholeCamera, or Rig or sequence of PinholeCamera
         The camera, or the cameras of a rig: `load_rig(path)`, or `(left, right)`. A rig's views are `RigView`.
     colors : Colors, optional
-        Fixed colours. Without them they are learnt from the first frame, and again when the light has changed.
+        Fixed colours. Without them, colours are learnt from the first frame and again when the light has changed.
     method : str, optional
-        How the pose is estimated; it need not be named. `robocup_vision.localization.methods.METHODS` lists the
-        methods. "field", the default of a mirror camera: by the floor's outline where walls or boards bound it, and by
-        the white lines where the outline leaves a choice, fails, or is not bounded, without a prior. "floor": by the
-        outline alone. "edges", the default of a pinhole camera of known tilt: by all edges of the field file in view,
-        followed from frame to frame, or found without a prior. There "field" and "floor" are the same by the lines, or
-        by the feet of the walls, alone. "goal", the default of a pinhole camera of unknown tilt: by the posts and bar
-        of a goal, with the lines around it. For comparison, as they were published: "hull" (mirror) by Sekimori et al.,
-        by the convex hull of the whole floor mask; "angles" (pinhole) by Yako et al., by the angles between posts and
-        bar.
+        How the pose is estimated. `robocup_vision.localization.methods.METHODS` lists the methods. "field", the default
+        of a mirror camera, uses the floor's outline where walls or boards bound it. It uses the white lines where the
+        outline is not bounded, fails, or is ambiguous and there is no prior. "floor" uses the outline alone. "edges",
+        the default of a pinhole camera of known tilt, uses all edges of the field file that are in view: it follows
+        them from frame to frame, and finds the pose without a prior. For such a camera, "field" does this by the lines
+        alone, and "floor" by the feet of the walls alone. "goal", the default of a pinhole camera of unknown tilt, uses
+        the posts and bar of a goal and the lines around it. Two published methods are kept for comparison: "hull"
+        (mirror; Sekimori et al.), by the convex hull of the floor mask, and "angles" (pinhole; Yako et al.), by the
+        angles between posts and bar.
     mask : (H, W) uint8, optional
-        Non-zero pixels are never looked at. Of a rig a sequence: one, or None, for each camera.
+        Non-zero pixels are never used. For a rig a sequence with one mask, or None, for each camera.
     directions : int
-        Number J of directions of the free space, all around or over what a pinhole camera has in view.
+        Number J of directions of the free space, all around or over a pinhole camera's field of view.
     rings : int or tuple of float
-        Its rings, as in `FreeSpaceGrid`.
+        The rings of the free space, as in `FreeSpaceGrid`.
     free_ratio : float
-        Fraction of a cell that must be floor for the cell to be free: the r_th of Sekimori et al., as `threshold` in
+        Fraction of a cell that must be floor for the cell to be free: the r_th of Sekimori et al., `threshold` of
         `FreeSpaceGrid`.
     online : CameraRefiner, optional
-        An `OnlineCalibration`, which refines this camera, or this rig's mountings, while frames are looked at;
-        `camera`, or `rig`, is then the one now in use, and `online.state`, or `online.mountings`, tells how sure it is.
+        An `OnlineCalibration`, which refines this camera, or this rig's mountings, from the frames. `camera`, or `rig`,
+        is then the calibration in use, and `online.state`, or `online.mountings`, gives its uncertainty.
     channels : {"bgr", "rgb"}
-        Order of the frames' channels: "bgr" as OpenCV reads images, "rgb" as rgb8 of ROS, picamera2 and Pillow give
-        them. Where balls and goals show that it is the other one, the view has a warning, once. Where goals or beacons
-        of different colours decide on the half, the answer is then `SwappedChannels`, which is `NotLocated`.
+        Order of the frames' channels: "bgr" as OpenCV reads images; "rgb" as ROS (rgb8), picamera2 and Pillow give
+        them. Where balls and goals show the other order, the view has one warning. Where the colours of goals or
+        beacons decide the field half, the pose is then `SwappedChannels`, a kind of `NotLocated`.
     memory : Memory, optional
-        Joins the frames: `view.belief` is then the estimate over time, and its pose the prior of the next
-        frame. Frames need `t_s`, and the robot's `odometry` between them, or a memory with `ego_motion`.
+        Combines the frames: `view.belief` is then the estimate over time, and its pose is the prior of the next
+        frame. Each frame then needs `t_s`, and `odometry` unless the memory estimates the motion by `ego_motion`.
 
     Raises
     ------
     ArgumentError
-        If `channels` is neither, the mask's size is not the camera's, the method does not fit the field or the camera,
-        `online` was made for another camera, the memory's `ego_motion` is to serve a pinhole camera, or the cameras
-        are no rig (`Rig`).
+        If `channels` is neither value, the mask's size differs from the camera's, the method does not fit the field or
+        the camera, `online` was made for another camera, a pinhole camera is given a memory with `ego_motion`, or the
+        cameras do not make a `Rig`.
     """
 
     def __init__(
@@ -194,7 +196,7 @@ class Vision:
         self.fixed_colors, self.online = colors, online
         self.channels = channels
         self._is_fresh = True
-        # of odometry since the last view
+        # collected since the last view
         self._odometry_warnings: list[str] = []
         self._looked_s: float | None = None
         self._by_edges = chosen.by_edges
@@ -213,35 +215,35 @@ class Vision:
         Parameters
         ----------
         frame : (H, W, 3) uint8 or None
-            Of the camera's size, its channels as said by `channels`. None: the camera gave none this time. The view is
-            then `NotLocated`, its free space that of the last frame moved by the odometry, for half a second at most,
-            and the belief is predicted. Of a rig a sequence in the order of its cameras, None for one without a frame.
+            The image, of the camera's size, with the channel order `channels`. None: the camera gave no frame. The pose
+            is then `NotLocated`, the free space is that of the last frame moved by the odometry, for half a second at
+            most, and the belief is predicted. For a rig a sequence in the order of its cameras, None without a frame.
         t_s : float, optional
-            When it was taken; stands in the view. Needed with a memory. Of a rig one time for all frames, or a
-            sequence; the view is of the latest one, to which the odometry, or the memory's, moves older frames.
-            Without either their poses are as uncertain as a robot may have moved.
+            When the frame was taken; copied to the view. Required with a memory. For a rig one time for all frames, or
+            a sequence. The view is of the latest time; odometry, or the memory's motion, moves older frames to it.
+            Without either, their poses get the uncertainty of the motion that a robot can do in between.
         odometry : Pose2, optional
-            The robot's motion since the frame before (of a rig up to the latest time), in its frame then; with the last
-            pose it makes a prior. What no robot can do in that time (`PoseFilterSettings`) is not believed, and the
-            view has a warning.
+            The robot's motion since the frame before (for a rig up to the latest time), in the robot frame of that
+            moment; it moves the last pose to make a prior. Odometry that no robot can do in that time
+            (`PoseFilterSettings`) is ignored, and the view has a warning.
         prior : PoseEstimate or Pose2, optional
-            Where the robot probably is: saves time, and orders candidates that the frame itself does not separate; a
-            pinhole camera refines it where the frame alone would not do.
+            Where the robot probably is. It saves time and ranks candidates that the frame itself does not separate. A
+            pinhole camera can refine a prior by a frame that alone would not give a pose.
         pan_rad : float, optional
-            Where a pinhole camera's head looked when the frame was taken, from straight ahead, positive to the left;
-            default: the camera file's. A camera file without pan and offset is the robot itself.
+            Pan of a pinhole camera when the frame was taken, from straight ahead, positive to the left; by default the
+            camera file's. Where a camera file has neither pan nor offset, camera and robot have the same pose.
         mounting : Mounting, optional
-            How neck and body held a pinhole camera when the frame was taken, by joints or an inertial sensor: pan,
-            tilt, roll and height, each with its standard deviation. What it leaves out is as in the camera file. All
-            but the pan is for method "edges".
+            How neck and body held a pinhole camera when the frame was taken, as joints or an inertial sensor measured
+            it: pan, tilt, roll and height, each with its standard deviation. Values left out are those of the camera
+            file. Only method "edges" takes values other than the pan.
 
         Raises
         ------
         FrameError
-            If the frame has another size or type, or a rig's frames are not as many as its cameras.
+            If the frame has another size or type, or the number of frames differs from the number of the rig's cameras.
         ArgumentError
-            With a memory: if `t_s` is missing, or runs backwards where odometry is handed over. If a mirror camera is
-            given a pan or mounting, the method or `online` does not take a mounting, an argument is of another type,
+            With a memory: if `t_s` is missing, or runs backwards where odometry is given. If a mirror camera is
+            given a pan or mounting, the method or `online` does not take a mounting, or an argument is of another type
             or not finite.
         """
         odometry = None if odometry is None else as_pose("odometry", odometry)
@@ -250,7 +252,7 @@ class Vision:
         if self.rig is not None:
             given, t_s = rig_frames(self.rig, frame, t_s, partial(self._motion_between, odometry, self._looked_s))
         else:
-            # a sequence is no time: it is refused
+            # one camera takes one time: as_time refuses a sequence
             t_s = None if t_s is None else as_time(t_s)
         mounting = self._as_mounting(mounting, None if pan_rad is None else as_angle("pan_rad", pan_rad))
         self._is_fresh = False
@@ -261,7 +263,7 @@ class Vision:
         if frame is None or (given is not None and not any(one is not None for one in given.frames)):
             view = self._look_at_nothing(t_s, odometry)
         else:
-            # the pipeline refuses what is not of bytes
+            # the pipeline refuses a frame that is not uint8
             shown = cast("UInt8Array", frame) if given is None else given
             if self._memory is None:
                 view = self._look(shown, t_s, odometry, prior, mounting)
@@ -274,7 +276,7 @@ class Vision:
         return view
 
     def _check_odometry(self, odometry: Pose2 | None, t_s: float | None) -> None:
-        """Note, for the next view, odometry that no robot can do in the time since the call before."""
+        """Add a warning to the next view if no robot can do this odometry in the time since the call before."""
         if odometry is None or t_s is None:
             return
         if self._memory is not None:
@@ -292,16 +294,16 @@ class Vision:
     def _motion_between(
         self, odometry: Pose2 | None, before_s: float | None, then_s: float, now_s: float
     ) -> Pose2 | None:
-        """Return the robot's motion from a frame of a rig to the look, in its frame of then; None: not known.
+        """Return the robot's motion from `then_s` to `now_s`, in the robot frame at `then_s`; None: not known.
 
         Parameters
         ----------
         odometry : Pose2 or None
-            Since the look before.
+            The motion from the look before to this one.
         before_s : float or None
-            When that was.
+            The time of the look before.
         then_s, now_s : float
-            Of the frame and of the look.
+            The times of one camera's frame and of the look.
         """
         if self._memory is not None:
             return self._memory.poses.motion_since(then_s)
@@ -311,7 +313,7 @@ class Vision:
         return Pose2(part * odometry.x_m, part * odometry.y_m, part * odometry.theta_rad)
 
     def _refine_camera(self, frame: UInt8Array | RigFrames, view: View) -> bool:
-        """Refine the camera by a frame and its view; whether it is now another one."""
+        """Refine the camera by a frame and its view; return whether it has changed."""
         if self.online is None:
             return False
         if isinstance(frame, RigFrames):
@@ -345,7 +347,7 @@ class Vision:
         return self._pipeline.look(frame, t_s, odometry, prior)
 
     def _as_mounting(self, mounting: Mounting | None, pan_rad: float | None) -> Mounting | None:
-        """Return how the camera is held in a frame, by both arguments; None: as its file says."""
+        """Combine both arguments into one mounting; None: the camera is held as its file says."""
         if mounting is None and pan_rad is None:
             return None
         if self.rig is not None:
@@ -372,7 +374,7 @@ class Vision:
         return mounting
 
     def _look_at_nothing(self, t_s: float | None, odometry: Pose2 | None) -> View:
-        """Return what is known without a frame: the last free space, and the memory's prediction."""
+        """Return the view without a frame: the last free space, moved, and the memory's prediction."""
         if self._memory is not None and t_s is None:
             raise ArgumentError(_NO_TIME)
         view = self._pipeline.drop(t_s, odometry)
@@ -400,13 +402,13 @@ class Vision:
             prior = memory.prior_estimate(t_s)
         elif prior is None:
             before = memory.prior(t_s)
-            # the motion by views is known after the look only: until then odometry is what is expected
+            # ego-motion is estimated after the look only: until then odometry predicts the motion
             if by_view and before is not None and odometry is not None and memory.can_move(odometry, t_s):
                 before = before.compose(odometry)
             prior = before
         view = self._look(frame, t_s, odometry, prior, mounting)
         if self._refine_camera(frame, view) and prior is not None:
-            # the memory is not to believe what a camera shows that this very frame has found to be wrong
+            # the view was computed with a camera that this frame has shown to be wrong: the memory must not take it in
             view = self._look(frame, t_s, None, prior, mounting)
         if by_view:
             memory.predict_by_view(view, odometry)
@@ -418,9 +420,9 @@ class Vision:
         Parameters
         ----------
         odometry : Pose2
-            The robot's motion since the last step, in its frame then.
+            The robot's motion since the last step, in the robot frame of that moment.
         t_s : float
-            When it ended.
+            Time of the end of the motion.
 
         Raises
         ------
@@ -435,18 +437,18 @@ class Vision:
         self._memory.predict(odometry, t_s)
 
     def forget(self) -> None:
-        """Forget learnt colours, the last pose and what memory holds: the next frame stands alone."""
+        """Forget learnt colours, the last pose and the memory's state: the next frame is the first one again."""
         self._pipeline.forget()
         self._odometry_warnings.clear()
         self._looked_s = None
         if self._memory is not None:
             self._memory.forget()
-        # what a camera has been refined to stays
+        # a refined camera is kept
         self._is_fresh = self.online is None
 
     @property
     def memory(self) -> Memory | None:
-        """What joins the frames; None: each stands alone."""
+        """What combines the frames over time; None: each frame is used alone."""
         return self._memory
 
     @property
@@ -461,9 +463,10 @@ class Vision:
 
     @property
     def swapped_channels_nats(self) -> float:
-        """How much more likely red and blue are swapped in the frames since the last `forget` than not, nats.
+        """Log-likelihood ratio, in nats, of swapped red and blue channels over the stated order.
 
-        By balls and goals seen; 0: nothing tells. From ln(100) on, warnings and poses say so.
+        It adds up the balls and goals seen since the last `forget`; 0: no evidence. From ln(100) on, views have a
+        warning and poses may be `SwappedChannels`.
         """
         return self._pipeline.swapped_channels_nats
 
@@ -474,12 +477,12 @@ class Vision:
         Raises
         ------
         ArgumentError
-            If the camera maps nothing to the floor: a pinhole camera of unknown tilt, or one that looks above it; or
-            there are several: each has its own in `view.views`.
+            If the camera maps no pixel to the floor (its tilt is unknown, or it looks above the floor), or this is a
+            rig, each camera of which has its own samples in `view.views`.
         """
         polar = self._pipeline.polar
         if polar is None:
-            raise ArgumentError(_NO_FLOOR if self.rig is None else _OF_EACH_CAMERA)
+            raise ArgumentError(_NO_FLOOR if self.rig is None else _RIG_HAS_NO_SAMPLES)
         return polar
 
     @property
@@ -487,5 +490,5 @@ class Vision:
         """The cells of the free space; raises as `polar` does."""
         grid = self._pipeline.grid
         if grid is None:
-            raise ArgumentError(_NO_FLOOR if self.rig is None else _OF_EACH_CAMERA)
+            raise ArgumentError(_NO_FLOOR if self.rig is None else _RIG_HAS_NO_SAMPLES)
         return grid

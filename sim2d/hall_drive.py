@@ -1,6 +1,6 @@
-"""A robot that drives through a hall by a landmark map alone: each frame is rendered where it truly is.
+"""Drives a robot through a hall with only a landmark map; each frame is rendered at its true pose.
 
-Section 4.3.3 of Ogawa et al. (2011): wheels that go in any direction, no odometry, 0.15 m/s.
+Section 4.3.3 of Ogawa et al. (2011): omnidirectional wheels, no odometry, 0.15 m/s.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from sim2d.rendering.sensor import Sensor
 
 SPEED_MPS = 0.15
 PERIOD_S = 0.4
-# of these wheels: how far lengths and directions are off for a whole drive, and from period to period
+# largest relative error of the wheels and of their direction during a drive, and relative noise in each period
 _SLIP, _SKEW_RAD, _JITTER = 0.05, 0.04, 0.15
 _TURN_PER_S, _MAX_TURN_RPS = 1.2, 0.5
 _ARRIVED_M = 0.03
@@ -34,11 +34,11 @@ _AHEAD_M = 0.25
 class DriveStep:
     """One period of a drive."""
 
-    #: When the frame was taken.
+    #: Time of the frame.
     t_s: float
-    #: Where the robot was then.
+    #: True pose of the robot.
     truth: Pose2
-    #: Where it took itself to be.
+    #: Estimated pose of the robot.
     pose: PoseEstimate | NotLocated
     #: Distance of its true place from the path.
     off_path_m: float
@@ -56,16 +56,16 @@ def drive(
     supersample: int = 2,
     limit_s: float = 120.0,
 ) -> Iterator[DriveStep]:
-    """Drive along a path until the robot takes itself to be at its end, or the time is up.
+    """Drive along a path until the robot believes that it is at the end, or the time is up.
 
     Parameters
     ----------
     vision : LandmarkVision
-        All that the robot knows where it is by. Where it does not know, the robot stands still.
+        The robot's only means of localisation. While it is not located, the robot stands still.
     path : sequence of Pose2
-        The places to pass, looking this way at each; the first is where the robot takes itself to start.
+        The places to pass, with the direction to look at each; the first is the prior of the start.
     start : Pose2
-        Where it truly starts.
+        True pose at the start.
     """
     renderer = HallCamera(vision.camera, supersample)
     follower = PathFollower(MotionLimits(SPEED_MPS, 0.5), ahead_m=_AHEAD_M)

@@ -1,4 +1,4 @@
-"""Computes where robots stand at a kick-off, for the rules and for the players."""
+"""Places of robots at a kick-off, for the rules and for the players."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from field_models import Field
 from robocup_vision.geometry import Pose2
 
-_FREE_ROOM = 1.5  # robot radii between a robot's centre and what it keeps away from
+_FREE_ROOM = 1.5  # distance of a robot's centre from goal line and centre circle, in robot radii
 
 
 def center_circle_radius_m(field: Field) -> float:
@@ -24,9 +24,9 @@ def kick_off_pose(field: Field, attacks: int, number: int, players: int, radius_
     attacks : int
         +1: the opponent's goal is at +x; -1: at -x.
     number, players : int
-        The robot's number within its side, and how many play there. Of several, 0 stands before its goal.
+        The robot's number within its side, and the number of robots of that side. Of several, 0 stands in its goal.
     radius_m : float, optional
-        Of the robot; the league's unless given.
+        Radius of the robot; default: that of the league's robots.
     """
     radius = field.robot_radius_m if radius_m is None else radius_m
     heading = 0.0 if attacks > 0 else math.pi
@@ -41,11 +41,11 @@ def kick_off_pose(field: Field, attacks: int, number: int, players: int, radius_
 
 
 def kick_off_row(number: int, players: int) -> int:
-    """Return a field player's place in its team's row at a kick-off: 0, 1, ... from the right, as it looks ahead."""
+    """Return a field player's place in its team's row at a kick-off: 0, 1, ... from its own right."""
     return _off_middle(number) + max(players - 2, 0) // 2
 
 
 def _off_middle(number: int) -> int:
-    """Return how many places left of the middle: alternately left and right, robot 1 stands behind the ball."""
+    """Return the number of places to the left of the middle: robot 1 is in the middle, the others alternate."""
     place = max(number - 1, 0)
     return (place + 1) // 2 * (1 if place % 2 else -1)

@@ -20,15 +20,15 @@ from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.view import View
 
-# a place on the floor, or a way along it, metres
+# a position on the floor, or a displacement, metres
 Point: TypeAlias = tuple[float, float]
 
-# between two commands of a player, and between two frames
+# time between two commands of a player, and between two frames
 CONTROL_PERIOD_S = 1 / 30
-# two times are the same within this: control periods are sums of binary fractions
+# times within this of each other count as equal: sums of control periods have rounding errors
 TIME_SLACK_S = 1e-6
 
-# what the rules say of the moment; all but the first two come from a referee of the small-size league alone
+# phases of play; only a referee of the small-size league gives others than the first two
 Phase = Literal[
     "kick_off",
     "play",
@@ -44,25 +44,25 @@ Phase = Literal[
 
 @dataclass(frozen=True, slots=True)
 class RobotLimits(MotionLimits):
-    """What a robot can do: how it moves, turns, kicks and pans.
+    """The limits of a robot's motion, kick and pan, and its size.
 
     Parameters
     ----------
     radius_m, height_m : float
-        The robot is an upright cylinder.
+        Size of the robot, an upright cylinder.
     speed_mps, turn_rps : float
-        Largest speed in any direction, metres a second, and largest turning rate, radians a second.
+        Largest speed in any direction, metres per second, and largest turning rate, radians per second.
     acceleration_mps2 : float
         Largest change of the velocity vector, in any direction (Sekimori et al. 2001, eq. 10).
     turn_acceleration_rps2 : float
         Largest change of the turning rate.
     dead_time_s : float
-        How long a command takes until the wheels obey it.
+        Time from a command until the wheels obey it.
     kick_speed_mps : float
         Largest speed that the kicker gives the ball.
     pan_rps, pan_limit_rad : float
-        How fast the head of a pinhole camera pans, radians a second, and how far to either side. Commands reach the
-        neck after the same dead time as the wheels.
+        Turning rate of a pinhole camera's head, radians per second, and its greatest pan to either side. Commands reach
+        the neck after the same dead time as the wheels.
     """
 
     speed_mps: float = 1.0
@@ -84,25 +84,25 @@ class PlayerSetup:
     Parameters
     ----------
     field : Field
-        The pitch; both teams use its one field frame.
+        The pitch; both teams use the same field frame.
     camera : OmniCamera or PinholeCamera
         The robot's camera as calibrated.
     limits : RobotLimits
-        What the robot can do.
+        The robot's limits.
     attacks : int
         +1: the opponent's goal is at +x of the field frame; -1: at -x.
     number : int
-        0, 1, ... within its side; 0 keeps the goal when there is more than one.
+        0, 1, ... within its side; 0 keeps the goal if the side has several players.
     players : int
-        Per side.
+        Number of players per side.
     seed : int
-        For the player's own random numbers.
+        Seed of the player's own random numbers.
     camera_is_rough : bool
-        The robot's true camera may differ from `camera`, and may be knocked: a player should calibrate while it plays.
+        Whether the true camera may differ from `camera`, and may be knocked, so that calibration in play is needed.
     has_legs : bool
-        The odometry is that of legs.
+        Whether the odometry is that of legs.
     rig : Rig or None
-        All cameras of a robot with several, `camera` being the first; None: it has one.
+        All cameras of a robot with several, of which `camera` is the first; None: it has one camera.
     """
 
     field: Field
@@ -118,39 +118,39 @@ class PlayerSetup:
 
     @property
     def sees_ahead_only(self) -> bool:
-        """Whether the robot has one camera, and that looks ahead."""
+        """Whether the robot has a single camera, which looks ahead."""
         return self.rig is None and isinstance(self.camera, PinholeCamera)
 
 
 @dataclass(frozen=True)
 class Senses:
-    """All a player gets, 30 times a second.
+    """Everything that a player receives, 30 times per second.
 
     Parameters
     ----------
     t_s : float
-        Now.
+        The present time.
     frame : (H, W, 3) uint8 or None
-        The newest camera frame, BGR; None if it was dropped. Of a rig the first camera's.
+        The newest camera frame, BGR; None if it was dropped. For a rig that of the first camera.
     frame_t_s : float or None
-        When it was exposed; may lie back.
+        Time of the frame's exposure; may be some time ago.
     odometry : Pose2
-        Motion since the senses before, in the robot frame of then, measured by the wheels.
+        Motion since the senses before, in the robot frame at that time, measured by the wheels.
     ball_in_mouth : bool
-        The light barrier in the dribbler's mouth.
+        Whether the ball interrupts the light barrier in the dribbler's mouth.
     phase : Phase
-        As the referee last announced. A kick-off that has been whistled for is a free kick until the ball has moved.
+        The phase that the referee announced last. A whistled kick-off is a free kick until the ball has moved.
     own_turn : bool
-        Own team has the kick-off, free kick, penalty or ball placement.
+        Whether the own team has the kick-off, free kick, penalty or ball placement.
     frame_pan_rad : float or None
         Pan of the head when the frame was exposed, measured by the neck's joint, from straight ahead, positive to the
         left; None without a frame, and where the camera does not pan.
     placement_in_field : (float, float) or None
-        Where the ball shall be placed, in phase "ball_placement", field frame.
+        Where the ball is to be placed, in phase "ball_placement", field frame.
     messages : tuple of bytes
-        What others of the team have sent and what has come since the senses before, in the order in which it came.
+        Messages of the own team that have arrived since the senses before, in the order of arrival.
     rig_frames : tuple of ((H, W, 3) uint8 or None) or None
-        Of a rig all cameras' frames, exposed together; None with `frame`, and where the robot has one camera.
+        For a rig the frames of all cameras, exposed together; None if `frame` is, or if the robot has one camera.
     """
 
     t_s: float
@@ -166,7 +166,7 @@ class Senses:
     rig_frames: tuple[UInt8Array | None, ...] | None = None
 
     def with_frame_of(self, then: Senses | None) -> Senses:
-        """Return these senses with the frames of others; None: without any."""
+        """Return these senses with the frames of other senses; None: without frames."""
         if then is None:
             return replace(self, frame=None, frame_t_s=None, frame_pan_rad=None, rig_frames=None)
         frame_t_s, pan_rad = then.frame_t_s, then.frame_pan_rad
@@ -175,7 +175,7 @@ class Senses:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """All a player may command.
+    """Everything that a player may command.
 
     Parameters
     ----------
@@ -186,9 +186,9 @@ class Command:
     dribble : bool
         Whether the dribbler spins.
     pan_rad : float or None
-        Wanted pan of a pinhole camera's head, from straight ahead, positive to the left; None: as it is.
+        Wanted pan of a pinhole camera's head, from straight ahead, positive to the left; None: unchanged.
     message : bytes or None
-        To the others of the team, at most 128 bytes; of two within half a second only the first is sent.
+        Message to the others of the team, at most 128 bytes; of two within half a second only the first is sent.
     """
 
     forward_mps: float = 0.0
@@ -207,9 +207,9 @@ class Reason:
     Parameters
     ----------
     topic : {"gap", "speed", "gaze", "shot"}
-        What was chosen.
+        The choice.
     choice : str
-        The choice in a word or two; few different ones, so that they can be counted.
+        The choice in a word or two, of a small vocabulary, so that choices can be counted.
     text : str
         The reason, with figures.
     """
@@ -221,24 +221,24 @@ class Reason:
 
 @dataclass(frozen=True, slots=True)
 class PlayerStatus:
-    """What a player reports of itself, for films and reports. The match does not use it.
+    """A player's report about itself, for films and reports. The match does not use it.
 
     Parameters
     ----------
     pose : PoseEstimate or NotLocated
-        The robot on the field.
+        Estimated pose of the robot.
     ball_in_field : (float, float) or None
-        The ball, field frame, metres.
+        Estimated position of the ball, field frame, metres.
     intent : str
-        What it will do, in a word or two.
+        What the robot is about to do, in one or two words.
     view : View or None
         Results of the last frame.
     reasons : tuple of Reason
         Reasons of its plans, at most one of each topic; empty if it does not plan.
     waypoint_in_field : (float, float) or None
-        Where it drives to first on the way to its target, field frame.
+        First waypoint on the way to its target, field frame.
     gap_in_field : ((float, float), (float, float)) or None
-        Ends of the gap that it takes, field frame.
+        Ends of the gap that it drives through, field frame.
     speed_mps : float or None
         Its planned speed limit.
     gaze_rad : float or None
@@ -246,7 +246,7 @@ class PlayerStatus:
     colors : Colors or None
         Colours that its vision uses.
     calibration : OnlineState or None
-        Its camera as it estimates it; None if it does not calibrate.
+        Its estimate of its camera; None if it does not calibrate.
     """
 
     pose: PoseEstimate | NotLocated
@@ -266,7 +266,7 @@ class Player(Protocol):
     """Plays one robot."""
 
     def act(self, senses: Senses) -> Command:
-        """Return what the robot shall do until the next senses come."""
+        """Return the command that holds until the next senses."""
 
     @property
     def status(self) -> PlayerStatus:

@@ -1,7 +1,8 @@
-"""Free floor over several frames: filtered against noise, and kept from views in other directions.
+"""Free space over several frames: filtered against noise, and kept from earlier views in other directions.
 
-Steering remembers its detours, so a single wrong cell would lead it astray: `SteadyFreeSpace` takes the middle one of
-three frames. A head looks at the ball while its robot drives elsewhere: `RecentFreeSpace` keeps what was seen there.
+Steering remembers its detours, so that a single wrong cell would have lasting effects: `SteadyFreeSpace` takes the
+median of three frames. A head may look at the ball while its robot drives elsewhere: `RecentFreeSpace` keeps the floor
+seen before in the direction of motion.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from robocup_vision.checks import as_positive
 from robocup_vision.geometry import Pose2
 from robocup_vision.perception.free_space import FreeSpace
 
-# beyond any floor, in place of infinity, which cannot be moved
+# a range beyond any floor; it replaces infinity, which cannot be transformed
 _FAR_M = 1e3
 
 
@@ -27,7 +28,7 @@ class SteadyFreeSpace:
     Parameters
     ----------
     margin_ratio : float
-        Fraction of the range that is taken off: about the error of an edge by one pixel and by the delay of a period.
+        Fraction by which ranges are reduced: about the error of an edge by one pixel and by the delay of a period.
     """
 
     def __init__(self, margin_ratio: float = 0.02) -> None:
@@ -37,14 +38,14 @@ class SteadyFreeSpace:
         self._last: tuple[FreeSpace, ...] = ()
 
     def update(self, free_space: FreeSpace, motion: Pose2) -> FreeSpace:
-        """Update with a frame's free space; return the filtered one, which is the newest until there are three.
+        """Update with a frame's free space; return the filtered one, or the newest while there are fewer than three.
 
         Parameters
         ----------
         free_space : FreeSpace
-            Of the newest frame; at the same bearings each time.
+            Free space of the newest frame, always at the same bearings.
         motion : Pose2
-            Motion since the frame before, in the robot's frame at that time.
+            Motion since the frame before, in the robot frame at that time.
         """
         carried = tuple(carry_free_space(before, motion) for before in self._last)
         self._last = (free_space, *carried[:1])
@@ -57,14 +58,14 @@ class SteadyFreeSpace:
 
 
 def carry_free_space(free_space: FreeSpace, motion: Pose2) -> FreeSpace:
-    """Return the free space from where the robot is now.
+    """Return the free space seen from the robot's present pose.
 
     Parameters
     ----------
     free_space : FreeSpace
-        At evenly spaced bearings, all around or over a narrower view; what comes into that is not free.
+        At evenly spaced bearings, all around or over a narrower view, in which newly visible bearings get range 0.
     motion : Pose2
-        Motion since its frame, in the robot's frame at that time.
+        Motion since its frame, in the robot frame at that time.
     """
     if math.hypot(motion.x_m, motion.y_m) < 1e-3 and abs(motion.theta_rad) < 1e-3:
         return free_space
@@ -76,14 +77,14 @@ def carry_free_space(free_space: FreeSpace, motion: Pose2) -> FreeSpace:
     step = float(bearing[1] - bearing[0]) if len(bearing) > 1 else math.tau
     is_ring = abs(step * len(bearing) - math.tau) < 1e-6
     half = math.pi / len(bearing) if is_ring else step / 2
-    # ends of each direction's floor at its middle and both sides, in the order of their bearings
+    # the floor's end in each direction, at the middle and both sides of its sector, in the order of their bearings
     ends = (known[:, None] + (np.array([-half, 0.0, half]) - motion.theta_rad)).ravel()
     start, ranges = motion.inverse(), np.repeat(ranges, 3)
     ahead, left = ranges * np.cos(ends) + start.x_m, ranges * np.sin(ends) + start.y_m
     turned, away = np.arctan2(left, ahead), np.hypot(ahead, left)
     # a nearer obstacle hides a farther one; interpolation between the two would not
     if is_ring:
-        # from one end before the first bearing to one beyond the last
+        # append one point before the first bearing and one after the last, for interpolation over the seam
         around = bearing[0] + np.remainder(turned - bearing[0], math.tau)
         order = np.argsort(around, kind="stable")
         order = np.concatenate([order[-1:], order, order[:1]])
@@ -110,13 +111,13 @@ def floor_ends(bearing_rad: FloatArray, range_m: FloatArray) -> FloatArray:
     return np.stack([range_m * np.cos(bearing_rad), range_m * np.sin(bearing_rad)], axis=1)
 
 
-_DIRECTIONS = 120  # of the free space around the robot: at 1 m a sector is 5 cm wide, less than a robot
-# floor that none of the last views shows is taken for free up to so many robot radii from the robot's centre: it
-# may step there, and looks before it goes on. With none, a robot that turns stops with each step.
+_DIRECTIONS = 120  # directions of the free space around the robot: at 1 m a sector is 5 cm wide, less than a robot
+# Floor that none of the last views shows counts as free up to this multiple of the robot's radius: the robot may start
+# moving there, and sees it before it drives farther. With 0, a robot that turns would stop at each step.
 _UNSEEN_RADII = 3.0
-# older views do not count: others have moved on by some robot widths, and odometry has slipped
+# older views are not used: others have moved by several robot widths, and odometry has drifted
 _MAX_AGE_S = 2.0
-_EVERY_S = 0.15  # views nearer together than this show the same floor: only the newest of them is used
+_EVERY_S = 0.15  # of views closer in time than this only the newest is used, since they show the same floor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,15 +128,15 @@ class _OldView:
 
 
 class RecentFreeSpace:
-    """Joins the free spaces of the last views; one object a robot.
+    """Combines the free spaces of the last views; one object per robot.
 
-    Each direction is that of the newest view that shows it, moved to where the robot is now. What an older view shows
-    within the robot's radius is left out: the robot stands there.
+    Each direction has the range by the newest view that shows it, moved to the robot's present pose. Ends of the floor
+    in older views that are now within the robot's radius are ignored, since the robot stands there.
 
     Parameters
     ----------
     robot_radius_m : float
-        Of the robot.
+        Radius of the robot.
 
     Raises
     ------
@@ -150,22 +151,22 @@ class RecentFreeSpace:
         self.forget()
 
     def forget(self) -> None:
-        """Forget all views: the robot was carried, or its motion since them is not known."""
+        """Forget all views, because the robot was carried or its motion since is not known."""
         self._pose = Pose2(0.0, 0.0, 0.0)
         self._old: list[_OldView] = []
         self._newest: _OldView | None = None
 
     def update(self, free_space: FreeSpace, motion: Pose2, t_s: float) -> FreeSpace:
-        """Update with a frame's free space; return that all around the robot.
+        """Update with a frame's free space; return the free space all around the robot.
 
         Parameters
         ----------
         free_space : FreeSpace
-            Of the newest frame: bearings (J,) over what is in view, and ranges, robot frame.
+            Free space of the newest frame: bearings (J,) over the field of view, and ranges, robot frame.
         motion : Pose2
-            Motion since the frame before, in the robot's frame at that time.
+            Motion since the frame before, in the robot frame at that time.
         t_s : float
-            When the newest frame was taken, seconds.
+            Time of the newest frame, seconds.
 
         Returns
         -------
@@ -184,9 +185,9 @@ class RecentFreeSpace:
         return FreeSpace(self._bearing_rad, range_m)
 
     def _ranges(self, free_space: FreeSpace) -> FloatArray:
-        """Return the range of each direction, newest view first."""
+        """Return the range of each direction by the newest view that shows it."""
         bearing_rad, away_m = free_space.bearing_rad, free_space.range_m
-        # 0: the newest
+        # age rank of the view of each floor end; 0: the newest
         rank = np.zeros(len(away_m), dtype=np.int64)
         if self._old:
             newest_first = self._old[::-1]

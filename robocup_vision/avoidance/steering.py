@@ -1,9 +1,9 @@
-"""From free ranges around the robot, its velocity and the target's bearing to a motion command that does not collide.
+"""Choice of a velocity command that does not collide, from free ranges, the robot's velocity and the target's bearing.
 
-The method of Sekimori et al. (2001), section 3.2: obstacles grown by the robot's radius, a trajectory predicted for
-each direction under the limit of acceleration and the dead time, the time to contact of each, and the safe direction
-nearest to the target. Moving obstacles fill the free ranges that they hide. The loops are compiled
-(`robocup_vision.kernels.motion.steering`).
+The method of Sekimori et al. (2001), section 3.2: obstacles are grown by the robot's radius; for each direction a
+trajectory is predicted under the acceleration limit and the dead time, and its time to contact computed; the safe
+direction nearest to the target is taken. Known moving obstacles are removed from the free ranges and predicted on their
+own. The loops are compiled (`robocup_vision.kernels.motion.steering`).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from robocup_vision.kernels.motion import steering as kernel
 from robocup_vision.kernels.motion.moving_contact import COLUMNS
 from robocup_vision.motion_limits import MotionLimits
 
-# no robot drives so fast: a wrong unit. The way until it would stand again is looked at step by step
+# A higher speed is probably in a wrong unit, and sampling its stopping distance step by step would take very long.
 _MAX_SPEED_MPS = 100.0
 _REASONS = (
     "no safe direction: braking",
@@ -50,32 +50,30 @@ class SteeringSettings:
     #: out to its end and the robot can then still stop. The end is reached after ``|dv_j|`` / alpha, the stopping
     #: distance v^2 / (2 alpha) takes v / (2 alpha) at speed v, and the next decision comes a period and again a dead
     #: time later: T_j >= 2 dead_time + period + ``|dv_j|`` / alpha + v / (2 alpha). Then the command given now stays
-    #: safe until it is reached, and braking is safe after that, so that a standing world is never touched. (The paper's
-    #: 2.75 s is the time 2 v / alpha of a full reversal plus the dead time.)
+    #: safe until it is reached, and braking is safe after that, so that nothing that stands still is ever touched. (The
+    #: paper's 2.75 s is the time 2 v / alpha of a full reversal plus the dead time.)
     time_threshold_s: float | None = None
     directions: int = 48  #: number J of directions that are tried: 7.5 degrees apart, as in the paper
     period_s: float = 1 / 30  #: time between two commands
-    step_m: float = 0.004  #: largest way of the robot between two samples of a trajectory close to an obstacle
+    step_m: float = 0.004  #: largest distance between two samples of a trajectory close to an obstacle
     #: False: the paper's comparison, which takes the present velocity to be the commanded one (v_a = v_b)
     use_velocity: bool = True
-    #: Remember the detour: by how much, and to which side, obstacles have turned the robot from the target's bearing.
-    #: Two equally good ways round then do not make it waver between them, and pockets do not hold it. `forget` drops
-    #: the memory. False where a `Wayfinder`, which remembers more than one view, gives the direction.
+    #: Remember the detour: by which angle, and to which side, obstacles have turned the robot from the target's
+    #: bearing. The robot then does not alternate between two equally good ways round, and leaves dead ends. `forget`
+    #: drops the memory. Use False where a `Wayfinder`, which remembers several views, gives the direction.
     keep_side: bool = True
-    #: the slowest of the speeds tried is one from which the robot stops within this ratio of its radius: any gap that
-    #: it fits through can then be entered
+    #: From the lowest speed tried the robot stops within this fraction of its radius, so it can enter all gaps it fits.
     stop_ratio: float = 0.25
-    #: a larger detour leads away from the target: the robot then goes no faster than it can turn in its own length
+    #: A larger detour leads away from the target: the robot then goes no faster than it can turn in its own length.
     away_rad: float = math.pi / 3.0
-    #: the side of a detour changes only where the other side is nearer by more than this, so that it does not waver
+    #: The side of a detour changes only where the other side is nearer by more than this (hysteresis).
     other_side_rad: float = 0.25 * math.pi
-    #: a larger detour to one side counts as one to the other side: else the walls of a field lead round and round
+    #: A larger detour to one side counts as one to the other; otherwise the robot would follow walls in circles.
     max_detour_rad: float = 1.25 * math.pi
-    #: standard deviations that are kept clear of a moving obstacle, and how far at most: beyond that there would be no
-    #: way round it
+    #: Margin around a moving obstacle: standard deviations of its position, and a bound, so that there are ways round.
     obstacle_sigmas: float = 1.0
     max_margin_m: float = 0.05
-    return_margin_m: float = 0.05  #: a range that ends so near to a moving obstacle's rim is one of its returns
+    return_margin_m: float = 0.05  #: a range that ends within this distance of a moving obstacle's rim is its return
 
     def __post_init__(self) -> None:
         require_at_least(
@@ -93,14 +91,14 @@ class SteeringSettings:
 def moving_table(
     moving: Sequence[Disc], robot_radius_m: float, settings: SteeringSettings = SteeringSettings()
 ) -> FloatArray:
-    """Return what `moving_contact_time` takes, (M, 8) float64.
+    """Return the moving obstacles as the kernel `moving_contact_time` takes them, (M, 8) float64.
 
     Parameters
     ----------
     robot_radius_m : float
-        Added to their own.
+        Added to the obstacles' radii.
     settings : SteeringSettings, optional
-        How many standard deviations are kept clear of, and how much of them at most.
+        `obstacle_sigmas` and `max_margin_m` are used.
     """
     sigmas = settings.obstacle_sigmas
     rows = [
@@ -119,14 +117,14 @@ def ranges_past(
     moving: Sequence[Disc],
     settings: SteeringSettings = SteeringSettings(),
 ) -> FloatArray:
-    """Return free ranges (J,) without the returns of moving obstacles: there the smaller range beside each counts.
+    """Return free ranges (J,) in which each return of a moving obstacle is replaced by its neighbours' smaller range.
 
     Parameters
     ----------
     bearing_rad, range_m : (J,) float64
         Directions, ascending, and free ranges; robot frame.
     settings : SteeringSettings, optional
-        How near to a disc's rim a range must end to be one of its returns.
+        `return_margin_m` is used.
     """
     own = np.zeros(len(bearing_rad), dtype=bool)
     half = 0.5 * float(np.median(np.diff(bearing_rad)))
@@ -163,7 +161,7 @@ def bearings_and_ranges(free_space: FreeRanges, least: int) -> tuple[FloatArray,
     Raises
     ------
     ArgumentError
-        It is no free space, or its sizes differ, or it has fewer bearings than `least`.
+        If the argument is not a free space, its sizes differ, or it has fewer bearings than `least`.
     """
     if not hasattr(free_space, "bearing_rad"):
         hint = "view.free_space" if hasattr(free_space, "free_space") else "bearing_rad and range_m"
@@ -190,7 +188,7 @@ class SteeringCommand:
     bearing_rad : float or None
         Chosen direction, robot frame; None when braking.
     time_to_contact_s : (J,) float64
-        T_j of each direction at the speed asked for (eq. 15); inf where nothing is touched within the horizon.
+        T_j of each direction at the requested speed (eq. 15); inf where nothing is touched within the horizon.
     directions_rad : (J,) float64
         The directions.
     reason : str
@@ -206,40 +204,40 @@ class SteeringCommand:
 
 
 class Steering:
-    """Chooses velocity commands; one object per robot, not to be shared between threads (two objects may run in two).
+    """Chooses velocity commands; one object per robot and thread.
 
     Parameters
     ----------
     robot_radius_m : float
-        By which, and by half a step more, obstacles are grown. Add here whatever clearance sensing and slip call for.
+        Obstacles are grown by this radius and half a `step_m`. Include the clearance that sensing and slip require.
     limits : MotionLimits
         Speed v_c of eq. 11, limit alpha of eq. 10, and the dead time: from the decision until the robot obeys, it goes
         on with its present velocity.
     settings : SteeringSettings, optional
-        How commands are chosen.
+        Settings for the choice of commands.
 
     Notes
     -----
-    Each measured bearing stands for its whole sector, halfway to its neighbours, blocked from its range on, so nothing
-    slips between bearings. A measured range below the robot's radius counts as contact: away from it is free. An
-    unmeasured bearing (NaN range, or outside the camera's view) is blocked at range 0: the robot's centre may not
-    enter it, but nothing is known to stand there, so it is not grown.
+    Each measured bearing stands for its whole sector, which reaches halfway to its neighbours and is blocked from the
+    range on: there are no gaps between bearings. A measured range below the robot's radius counts as contact; motion
+    away from it is free. An unmeasured bearing (NaN range, or outside the camera's view) is blocked at range 0: the
+    robot's centre may not enter it. Nothing is known to stand there, so it is not grown.
 
-    The detour is one signed angle, as in the Pledge algorithm for mazes. The direction wanted is the target's bearing
-    turned by it. An obstacle in that direction winds it up further, to the other side only where that is much nearer;
-    driving on unwinds it, in the tightest arc that the robot can drive, against the obstacle and round its corners. A
-    robot in a pocket so follows its inside back out, and turns to the target once it has turned back as much as it
-    turned away. Away from the target it drives no faster than it can turn within its own length, for else it would
-    overshoot every corner. The detour ends early where the straight way to the target is in sight and free. Wound up
-    beyond 225 degrees it is taken for one to the other side, since the walls of a field would lead the robot round and
-    round.
+    The detour is one signed angle, as in the Pledge algorithm for mazes. The wanted direction is the target's bearing
+    turned by the detour. An obstacle in that direction increases the detour, and changes its side only where the other
+    side is much nearer. Free driving reduces the detour, in the tightest arc that the robot can drive along the
+    obstacle and round its corners. In a dead end the robot thus follows the inside back out, and turns to the target
+    once it has turned back as much as it turned away. Away from the target it drives no faster than it can turn within
+    its own length; otherwise it would overshoot every corner. The detour ends early where the straight way to the
+    target is visible and free. A detour beyond `max_detour_rad` is taken for one to the other side; otherwise the robot
+    would follow the walls of a field in circles.
 
-    Where the wanted direction is not safe at the speed asked for, half of it is tried too, then a quarter, down to a
-    speed from which the robot stops at once; of each speed's safe direction nearest to it, the one with the
-    greatest speed that way is taken. Without that, a fast robot would shuttle before a gap that only a slow one
-    may enter, because away from it there is always a safe direction at full speed. If no direction is safe at any
-    speed, the robot brakes; if even that ends in contact though no command before was safe, the command with the
-    latest contact is given.
+    Where the wanted direction is not safe at the requested speed, half of that speed is tried too, then a quarter, down
+    to a speed from which the robot stops at once. For each speed the safe direction nearest to the wanted one is a
+    candidate; the candidate with the greatest speed in the wanted direction is taken. Otherwise a fast robot would move
+    to and fro before a gap that only a slow one may enter, because away from it there is always a safe direction at
+    full speed. If no direction is safe at any speed, the robot brakes. If braking ends in contact and no command before
+    was safe, the command with the latest contact is given.
 
     Raises
     ------
@@ -255,7 +253,7 @@ class Steering:
         if not robot_radius_m >= 1e-6:
             raise ArgumentError(f"robot_radius_m must be at least 1e-06, got {robot_radius_m!r}")
         self.robot_radius_m, self.limits, self.settings = robot_radius_m, limits, settings
-        # Trajectories are sampled, and braking begun midway leaves the one that was checked: half a step of clearance.
+        # Half a step of clearance, since trajectories are only sampled, and braking midway leaves the checked one.
         self._radius_m = float(robot_radius_m + 0.5 * settings.step_m)
         stop_m = 0.5 * limits.speed_mps**2 / limits.acceleration_mps2
         threshold = settings.time_threshold_s
@@ -281,7 +279,7 @@ class Steering:
         # Plain numbers are read faster than elements of arrays. The last one, index -1, is braking.
         self._moves = [*zip(self._directions.tolist(), *self._units.T.tolist(), strict=True), (math.nan, 0.0, 0.0)]
         self._near_target_rad = math.pi / directions * 1.001
-        # what is handed over at each call is plain, see `plain`
+        # arguments of compiled code are made plain once, see `plain`
         self._plain_rules = plain(self._rules)
         self._profile = plain(
             grown_profile.Profile(
@@ -299,11 +297,11 @@ class Steering:
 
     @property
     def is_fresh(self) -> bool:
-        """Whether nothing is remembered: another object made with the same arguments would decide the same."""
+        """Whether nothing is remembered: a new object made with the same arguments would decide the same."""
         return self._detour_rad == 0.0 and not self._may_brake
 
     def forget(self) -> None:
-        """Drop the memory (the detour, a safe command): the next decision stands alone."""
+        """Drop the memory: the detour, and whether the last command was safe."""
         self._detour_rad = 0.0
         self._may_brake = False
 
@@ -328,19 +326,19 @@ class Steering:
         target_bearing_rad : float
             Direction of the target, robot frame.
         target_distance_m : float, optional
-            Lets the robot arrive at rest: speed at most sqrt(2 alpha d), less what it travels before it obeys.
-            Contacts beyond the target and the stopping distance then do not count towards the target.
-
+            Lets the robot arrive at rest: its speed is at most sqrt(2 alpha d), d without the distance that it travels
+            during the dead time. In the target's direction, contacts beyond the target and the stopping distance are
+            then ignored.
         pending_mps : (2,) float64 or pair of float, optional
-            The command that is obeyed until this one is, robot frame: what was commanded last. Without it the robot
-            goes on with its present velocity during the dead time.
+            The command given before this one, robot frame, which acts during the dead time. By default the robot
+            keeps its present velocity during the dead time.
         moving : sequence of Disc
-            What is known to move: kept clear of where it will be at each moment, instead of where it is now. A command
-            is safe if it can be carried out to its end, or given up at the next decision, and the robot then be
-            stopped before any of them is met; what runs into a standing robot is not reckoned with. Without
-            `use_velocity` they are obstacles like all others.
+            Obstacles with known velocity, robot frame. The robot avoids their predicted positions at each moment. A
+            command is safe if it can be carried out to its end, or given up at the next decision, and the robot then
+            stops before it meets any of them; an obstacle that runs into the standing robot is not considered. Without
+            `use_velocity` they are treated as standing obstacles.
         speed_mps : float, optional
-            Go no faster than this for once; the robot's own speed v_c unless given.
+            Upper bound of the speed for this call; by default the robot's speed v_c.
 
         Returns
         -------
@@ -349,8 +347,8 @@ class Steering:
         Raises
         ------
         ArgumentError
-            Shapes do not fit, velocities, target bearing or target distance are not finite, the bearing is more than a
-            turn, or a velocity over 100 m/s.
+            Shapes do not fit; a velocity or the target's bearing is not finite; the target's distance is negative or
+            NaN; the bearing is more than a turn; or a velocity is over 100 m/s.
         """
         bearing, range_m = bearings_and_ranges(free_space, 3)
         velocity = _pair("velocity_mps", velocity_mps)
@@ -390,8 +388,8 @@ class Steering:
             raise ArgumentError("bearing_rad must be finite and ascend within one turn")
         if self.settings.keep_side:
             self._detour_rad = detour
-        # The last safe command left room to stop; what the view from here adds to that is the width of its sectors,
-        # unless something moves otherwise than it did.
+        # The last safe command left room to stop. If nothing moves, a contact that braking now seems to have comes only
+        # from the width of the sectors as seen from here.
         if outcome == 2 and self._may_brake and not moving:
             outcome, index, speed = 1, -1, 0.0
         self._may_brake = outcome < 2 and (self._may_brake or outcome == 0)

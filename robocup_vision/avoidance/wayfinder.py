@@ -1,8 +1,8 @@
-"""Finds the direction to head in, so that a robot gets round obstacles that it measures on its way to a target.
+"""Finds the direction in which a robot gets round obstacles that it sees on its way to a target.
 
-Steering uses one view. A robot that heads straight for its target by one view alone stops in a pocket, shuttles between
-two obstacles, or comes to a corner too fast to turn. Here a small grid remembers the floor of the last views and moves
-with the odometry. Unknown cells count as free. The cheapest way over the grid gives the direction.
+Steering uses a single view. By one view alone, a robot that heads straight for its target stops in a dead end, moves to
+and fro between two obstacles, or comes to a corner too fast to turn. Here a small grid remembers the floor of the last
+views and moves with the odometry. Unknown cells count as free. The cheapest path over the grid gives the direction.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.motion import way_grid
 
-# ratios are of the robot's radius
-_EVERY = 3  # views between two searches for the way
-_CELL_RATIO = 0.2  # a cell: five to a radius show whether the robot fits
+# constants with _RATIO are multiples of the robot's radius
+_EVERY = 3  # views between two searches for the path
+_CELL_RATIO = 0.2  # size of a cell: five cells per radius resolve whether the robot fits
 _RADIUS_CELLS = 1.0 / _CELL_RATIO
-_SPARE_RATIO = 0.05  # what a gap seen from near must have to spare on each side
-_SOFT_RATIO = 0.5  # width of the seam along what blocks that is dearer than open floor
-_TRY_RATIO = 0.5  # a place ahead within this much of another one counts as the same that was tried
-# a view measures the floor where its sectors are narrower than the robot's radius, and surely where they are
-# narrower than this
+_SPARE_RATIO = 0.05  # clearance on each side that a gap seen from near must have
+_SOFT_RATIO = 0.5  # width of the zone beside blocked cells in which the price is higher than on open floor
+_TRY_RATIO = 0.5  # two places ahead within this distance count as the same attempt
+# A view measures the floor where its sectors are narrower than the robot's radius. The measurement is certain where
+# they are narrower than this.
 _SURE_RATIO = 0.4
-_STRIP_CELLS = 2.5  # the strip that is marked as blocked behind a free range, cells
+_STRIP_CELLS = 2.5  # depth of the strip that is marked as blocked behind a free range, cells
 _MARK_RULES = way_grid.MarkRules(
-    # of each view that shows a free cell from farther away: others may enter it
+    # with each view that shows it from farther away, a free cell counts as measured from 3 % farther: others may enter
     fading=1.03,
     # far sectors are wide
     overrule_ratio=1.5,
 )
 _PRICE_RULES = way_grid.PriceRules(
-    # so that ways keep clear where there is room
+    # so that paths keep a distance where there is room
     tight=2.0,
-    # more than any way round over open floor nearby
+    # more than any detour over open floor nearby
     shut=5.0,
-    # measured from afar, a blocked strip may be an error of a wide sector; from near it is not
+    # a blocked strip measured from afar may be an error of a wide sector; one measured from near is not
     maybe_barred=50.0,
     barred=1000.0,
     # passing by slowly takes fewer
@@ -63,9 +63,9 @@ class Heading:
     bearing_rad : float
         Robot frame, radians.
     distance_m : float
-        A robot that slows down to stop at this distance is never too fast for a turn or for the target, metres.
+        Distance, metres. A robot that would stop there is never too fast for the next turn or for the target.
     straight : bool
-        Whether this leads straight to the target.
+        Whether the direction leads straight to the target.
     """
 
     bearing_rad: float
@@ -74,14 +74,14 @@ class Heading:
 
 
 class Wayfinder:
-    """Remembers the floor around one robot and finds the way over it to a target.
+    """Remembers the floor around one robot and finds the path over it to a target.
 
     Parameters
     ----------
     robot_radius_m : float
-        As that of `Steering`, so that a way is never narrower than steering allows.
+        The same as that of `Steering`, so that a path is never narrower than steering allows.
     window_m : float
-        Width of the square that is remembered, with the robot near its middle. A target outside counts as on its rim.
+        Width of the square that is remembered, with the robot near its middle. A target outside is moved to its rim.
 
     Raises
     ------
@@ -90,15 +90,15 @@ class Wayfinder:
 
     Notes
     -----
-    A view marks cells free up to each direction's range and blocked over a strip behind it. The newest view counts, but
-    a cell that was measured free from much nearer stays free. Cells blocked from afar have a high price, since sectors
-    are wide there, cells blocked from near a much higher one, highest in the middle of a strip. No cell is impassable,
-    so there is always a way. A place that the robot heads for again and again without getting through becomes dearer
-    each time, as in learning real-time A*, so that in the end it tries all others.
+    A view marks cells free up to each direction's range and blocked over a strip behind it. A newer view replaces an
+    older one, except that a cell measured free from much nearer stays free. Cells measured as blocked from afar have a
+    high price, since sectors are wide there. Cells measured as blocked from near have a much higher price, which is
+    highest in the middle of a strip. No cell is impassable, so there is always a path. The price of a place that the
+    robot repeatedly heads for without passing it grows each time (as in learning real-time A*), so others are tried.
 
-    The returned distance makes a robot slow down before a turn. Turning by an angle a at a speed v changes the
-    velocity by 2 v sin(a/2), for which it travels about 2 v^2 sin(a/2) / alpha: twice the robot's radius R at a speed
-    v^2 = alpha R / sin(a/2), which is the speed that a stop from R / (2 sin(a/2)) farther on still has at the turn.
+    The returned distance makes a robot slow down before a turn. Turning by an angle a at a speed v changes the velocity
+    by 2 v sin(a/2), which takes a distance of about 2 v^2 sin(a/2) / alpha. That is twice the robot's radius R at the
+    speed v^2 = alpha R / sin(a/2). A robot that brakes to stop R / (2 sin(a/2)) beyond the turn has this speed at it.
     """
 
     def __init__(self, robot_radius_m: float, window_m: float = 4.0) -> None:
@@ -125,7 +125,7 @@ class Wayfinder:
         self._x = self._y = self._size / 2
         self._theta = 0.0
         self._views = 0
-        # next turn, cells, and the way's direction after it; None: straight to the target
+        # next turn: x and y, cells, and the path's direction after it; None: straight to the target
         self._turn: tuple[float, float, float] | None = None
         self._target = (math.inf, math.inf)
         self._is_due = True
@@ -138,12 +138,12 @@ class Wayfinder:
         free_space : FreeRanges
             Free ranges (J,), metres, at evenly spaced bearings, robot frame.
         motion : Pose2
-            Motion since the previous view, in the robot's frame at that view.
+            Motion since the previous view, in the robot frame at that view.
 
         Raises
         ------
         ArgumentError
-            There are fewer than two bearings, or as many ranges not.
+            There are fewer than two bearings, or the number of ranges differs.
         """
         motion = as_pose("motion", motion)
         bearing, range_m = bearings_and_ranges(free_space, 2)
@@ -167,19 +167,19 @@ class Wayfinder:
         target_distance_m: float,
         velocity_mps: Sequence[float] | FloatArray = (0.0, 0.0),
     ) -> Heading:
-        """Return where to head for a target.
+        """Return the direction in which to drive to a target.
 
         Parameters
         ----------
         target_bearing_rad, target_distance_m : float
             The target, robot frame, radians and metres.
         velocity_mps : (2,) float64 or pair of float
-            The robot's, robot frame: going another way, it slows down first.
+            The robot's velocity, robot frame: if it drives in another direction, it slows down first.
 
         Raises
         ------
         ArgumentError
-            The target is not finite, its bearing more than a turn, or its distance negative.
+            The target is not finite, its bearing is more than a turn, or its distance is negative.
         """
         target_bearing_rad = as_angle("target_bearing_rad", target_bearing_rad)
         target_distance_m = as_number("target_distance_m", target_distance_m)
@@ -187,7 +187,7 @@ class Wayfinder:
             raise ArgumentError(f"target_distance_m must not be negative, got {target_distance_m!r}")
         is_new = self._is_due
         target = self._in_grid(target_bearing_rad, target_distance_m)
-        # a robot's radius is how far a target moves before it is another one
+        # a new search is due, or the target has moved by more than a robot's radius
         if is_new or math.hypot(target[0] - self._target[0], target[1] - self._target[1]) > _RADIUS_CELLS:
             self._target = target
             self._find(target)
@@ -214,7 +214,7 @@ class Wayfinder:
         return 0.5 * radius_m / max(abs(math.sin(0.5 * angle_rad)), 1e-3)
 
     def _in_grid(self, bearing_rad: float, distance_m: float) -> tuple[float, float]:
-        """Return the cell of a place; of one outside, the cell on the grid's rim towards it."""
+        """Return the grid coordinates of a place; if it is outside, those of the rim in its direction."""
         unit_x, unit_y = math.cos(bearing_rad + self._theta), math.sin(bearing_rad + self._theta)
         far = distance_m / self._cell_m
         for unit, place in ((unit_x, self._x), (unit_y, self._y)):
@@ -246,7 +246,7 @@ class Wayfinder:
             self._turn = (x, y, math.atan2(after // size - y, after % size - x))
 
     def _keep_inside(self) -> None:
-        """Shift the grid by whole cells when the robot has left its middle."""
+        """Shift the grid by whole cells if the robot has left its middle."""
         size = self._size
         by_x, by_y = round(self._x - size / 2), round(self._y - size / 2)
         if max(abs(by_x), abs(by_y)) < size // 12:

@@ -1,9 +1,8 @@
-"""The commands of `robocup-vision`, one file each: options in, calls, prints.
+"""The commands of `robocup-vision`, one file each, which handle options, calls and printed output.
 
-Other packages register their commands beside these.
 A command is a function that adds its parser to the subparsers of an argparse parser and sets the parser's default `run`
-to a function of the parsed arguments, which returns the exit status or raises `RobocupVisionError`. A package registers
-it as an entry point of the group `robocup_vision.commands`.
+to a function of the parsed arguments, which returns the exit status or raises `RobocupVisionError`. Other packages can
+register such functions as entry points of the group `robocup_vision.commands`.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ _OWN = (
 
 
 def registered() -> Iterator[Callable[[Any], object]]:
-    """Yield what adds each command's parser: our own commands first, then those of other packages by name."""
+    """Yield the function that adds each command's parser: our own commands, then those of other packages by name."""
     for name in _OWN:
         yield import_module(f"robocup_vision.commands.{name}").add_parser
     for point in sorted(entry_points(group=GROUP), key=lambda point: point.name):

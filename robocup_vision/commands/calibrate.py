@@ -1,4 +1,4 @@
-"""`robocup-vision calibrate`: its options, and what it does with them."""
+"""`robocup-vision calibrate`: its options and its handler."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from robocup_vision.calibration.omni.calibrate import OmniCalibration
     from robocup_vision.files.image_folder import ImageFiles
 
-# overlay pictures that are written
+# largest number of overlay pictures
 _MAX_PICTURES = 8
-# points that lie nearer than this to what they belong to count as agreeing, pixels
+# points with a smaller residual count as agreeing, pixels
 _AGREES_PX = 3.0
 
 

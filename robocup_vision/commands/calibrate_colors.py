@@ -1,4 +1,4 @@
-"""`robocup-vision calibrate colors`: its options, and what it does with them."""
+"""`robocup-vision calibrate colors`: its options and its handler."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 # frames in the preview, one below the other
 _MAX_PICTURES = 6
 _PREVIEW_WIDTH = 480
-# BGR of the classes in the preview; what belongs to none is shown as it is, darker
+# BGR of the classes in the preview; pixels without a class are only darkened
 _CLASS_BGR = ((0, 0, 0), (60, 170, 60), (255, 255, 255), (0, 120, 255), (0, 230, 230), (230, 90, 30))
 
 

@@ -1,4 +1,4 @@
-"""`robocup-vision calibrate forward`: its options, and what it does with them."""
+"""`robocup-vision calibrate forward`: its options and its handler."""
 
 from __future__ import annotations
 

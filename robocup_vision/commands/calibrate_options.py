@@ -1,4 +1,4 @@
-"""The options that every camera calibration takes, and the file that keeps what an interrupted one has finished."""
+"""Common options of camera calibrations, and the file that keeps the finished part of an interrupted one."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def add_calibration_options(parser: argparse.ArgumentParser, out_help: str) -> None:
-    """Add images, field, the file to write, a start and how many images to a calibration's parser."""
+    """Add images, field, output file, start, number of images and workers to a calibration's parser."""
     add = parser.add_argument
     add("images", nargs="+", metavar="IMAGES", help="image files, or folders of images")
     add("--field", required=True, metavar="F", help="built-in field's name, or a field file (.toml)")
@@ -28,14 +28,14 @@ def add_calibration_options(parser: argparse.ArgumentParser, out_help: str) -> N
 
 @contextmanager
 def start_trials(args: argparse.Namespace, paths: list[Path]) -> Iterator[StartTrials]:
-    """Yield what tries the starts of a calibration; if the block is interrupted or fails, what is finished is kept.
+    """Yield the trials of a calibration's starts; if the block is interrupted or fails, finished ones are kept.
 
     Raises
     ------
     FileError
-        If the file is of other images or options, damaged, or cannot be written.
+        If the file belongs to other images or options, is damaged, or cannot be written.
     KeyboardInterrupt
-        If the block is interrupted, with how much is finished.
+        If the block is interrupted, with a message that says how much is finished.
     """
     from field_models.errors import RobocupVisionError
     from robocup_vision.calibration.starts import FIT_CODEC, StartTrials
@@ -61,7 +61,7 @@ def start_trials(args: argparse.Namespace, paths: list[Path]) -> Iterator[StartT
 
 
 def _run_json(args: argparse.Namespace, paths: list[Path]) -> dict[str, object]:
-    """Return what the starts depend on; files as they are now."""
+    """Return everything that the starts depend on, with the present state of files."""
     from hashlib import sha256
 
     from robocup_vision import __version__

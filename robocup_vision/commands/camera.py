@@ -1,4 +1,4 @@
-"""`robocup-vision camera`: makes a camera file of a calibration that another program has written."""
+"""`robocup-vision camera`: makes a camera file from a calibration by another program."""
 
 from __future__ import annotations
 

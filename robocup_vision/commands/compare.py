@@ -1,4 +1,4 @@
-"""`robocup-vision compare`: its options, and what it does with them."""
+"""`robocup-vision compare`: its options and its handler."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def run_compare(options: argparse.Namespace) -> int:
     widths = [max(24, *(len(cell) for cell in column)) for column in zip(*rows, strict=True)]
     for label, *cells in (("", compared.first.name, compared.second.name, "difference"), *rows):
         line = "  ".join([f"{label:<{widths[0]}}", *(f"{cell:>18}" for cell in cells)])
-        # the report's signs are not in every terminal's character set
+        # not every terminal can show the report's special characters
         print(line.replace("°", " deg").replace("–", "-").replace("−", "-").rstrip())
     for change in compared.changes:
         print(f"{change.image}: {change.before.outcome} -> {change.after.outcome}")

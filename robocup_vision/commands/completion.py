@@ -10,7 +10,7 @@ from typing import Any
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
-    """Answer the shell and exit, where it asks for what may follow on the command line; needs argcomplete."""
+    """If the shell asks for completions, answer it and exit; needs argcomplete."""
     if find_spec("argcomplete") is None:
         return
     argcomplete: Any = import_module("argcomplete")

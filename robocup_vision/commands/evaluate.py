@@ -1,4 +1,4 @@
-"""`robocup-vision evaluate`: its options, and what it does with them."""
+"""The command `robocup-vision evaluate`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from robocup_vision.evaluation.run import Summary
     from robocup_vision.evaluation.steering import SteerFigures, SteerPlan
 
-# of a slow robot: speed in m/s, acceleration in m/s^2
+# limits of a slow robot, the default for --steer: speed in m/s, acceleration in m/s^2
 _LIMITS = (0.4, 0.3)
 
 
@@ -167,7 +167,7 @@ def _steer_plan(options: argparse.Namespace, dataset: Dataset, recorded: SteerPl
 
 
 def _moments(path: str, times: Mapping[str, FrameTime]) -> dict[str, str]:
-    """Return the addresses of the images' moments in the live page; none for a bag that is no recording."""
+    """Return the addresses of the images' moments in the live page; none for a bag that is not a recording."""
     from field_models.errors import RobocupVisionError
     from robocup_vision.evaluation.moment_links import moment_link
     from robocup_vision.recording.recording import Recording
@@ -206,7 +206,7 @@ def _print_summary(name: str, summary: Summary) -> None:
     ]
     print(": ".join([name, *([", ".join(parts)] if parts else [])]))
     for label, value in lines:
-        # the report's signs are not in every terminal's character set
+        # not every terminal can print the report's characters
         print(f"  {label:<22} {value.replace('°', ' deg').replace('–', '-')}")
     for note in summary.notes:
         print(f"note: {note}")

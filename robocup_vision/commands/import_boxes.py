@@ -1,4 +1,4 @@
-"""`robocup-vision import-boxes`: makes boxes.csv of labels that another program has written."""
+"""`robocup-vision import-boxes`: makes boxes.csv from labels by another program."""
 
 from __future__ import annotations
 

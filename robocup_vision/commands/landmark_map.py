@@ -1,4 +1,4 @@
-"""`robocup-vision map build|show|locate`: its options, and what it does with them."""
+"""`robocup-vision map build|show|locate`: its options and its handler."""
 
 from __future__ import annotations
 

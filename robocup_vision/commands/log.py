@@ -1,4 +1,4 @@
-"""`robocup-vision log`: what is in a log of the small-size league, as tables, and how good our tracker is on it."""
+"""`robocup-vision log`: shows, converts and records logs of the small-size league, and scores our tracker on them."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _record(args: argparse.Namespace) -> int:
     begin_s = time.monotonic()
     counts: dict[str, int] = {}
 
-    def goes_on(so_far: dict[str, int]) -> bool:
+    def continues(so_far: dict[str, int]) -> bool:
         counts.update(so_far)
         return args.seconds is None or time.monotonic() - begin_s < args.seconds
 
@@ -87,7 +87,7 @@ def _record(args: argparse.Namespace) -> int:
     try:
         record_log(
             args.file,
-            goes_on,
+            continues,
             interface=args.network,
             vision_ports=ports,
             tracker_port=args.tracker_port,
@@ -131,7 +131,7 @@ def _info(log: Any) -> int:
 
 
 def _status(log: Any, unreadable: Any, *, says_count: bool = True) -> int:
-    """Say what could not be read of a log; return the exit status."""
+    """Report what could not be read of a log; return the exit status."""
     import sys
 
     if unreadable.count and says_count:

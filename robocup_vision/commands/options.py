@@ -1,7 +1,7 @@
-"""Option types of the commands (a count, a seed, an angle), and the options that say which workers do a run.
+"""Option types of the commands (a count, a seed, an angle), and the options that choose the workers of a run.
 
-Values are refused (`ArgumentTypeError`) while the command line is parsed, before a file is read. Loads nothing, so that
---help answers at once.
+Invalid values are refused (`ArgumentTypeError`) while the command line is parsed, before a file is read. This module
+loads nothing of the library, so that --help answers at once.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from robocup_vision.workers import Workers
 
-# argparse takes -15deg for an option otherwise
+# without this, argparse takes -15deg for an option
 NEGATIVE_ANGLE = re.compile(r"^-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?(deg|rad)?$")
 
 
 def count(text: str) -> int:
-    """Parse a number of things, at least 1; a type for ``add_argument``, as those below."""
+    """Parse a number of things, at least 1; a type for ``add_argument``, like the functions below."""
     value = _whole(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"must be at least 1, got {value}")
@@ -35,7 +35,7 @@ def seed(text: str) -> int:
 
 
 def angle(text: str) -> float:
-    """Parse an angle, radians: a number of radians within a turn, or of degrees with "deg" behind it."""
+    """Parse an angle in radians (at most a turn), or in degrees with "deg" behind the number; return radians."""
     number, in_degrees = text.removesuffix("deg").removesuffix("rad"), text.endswith("deg")
     try:
         value = float(number)
@@ -73,7 +73,7 @@ def add_worker_options(parser: argparse.ArgumentParser) -> None:
 
 
 def chosen_workers(options: argparse.Namespace) -> Workers:
-    """Return the workers that the options name."""
+    """Return the workers chosen by the options."""
     from robocup_vision.workers import find_workers
 
     return find_workers(options.jobs, options.dask)

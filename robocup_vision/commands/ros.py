@@ -1,11 +1,11 @@
-"""`robocup-vision ros`: its options, and what it does with them."""
+"""`robocup-vision ros`: its options and its handler."""
 
 from __future__ import annotations
 
 import argparse
 from typing import Any
 
-# (option, what it is, default); the defaults of ros.settings, which a test compares
+# (option, help, default); the defaults are those of ros.settings, which a test compares
 _TEXTS = (
     ("field", "built-in field or field file", ""),
     ("camera", "camera file", ""),

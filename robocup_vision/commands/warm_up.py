@@ -1,4 +1,4 @@
-"""`robocup-vision warm-up`: its options, and what it does with them."""
+"""`robocup-vision warm-up`: its options and its handler."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run_warm_up(options: argparse.Namespace) -> int:
-    """Compile all loops and print how many there are, or which wheel holds them; return 0."""
+    """Compile all loops and print their number, or the path of the new wheel; return 0."""
     import time
     from concurrent.futures import as_completed
     from concurrent.futures.process import BrokenProcessPool
@@ -46,7 +46,7 @@ def run_warm_up(options: argparse.Namespace) -> int:
         print(compile_wheel(options.wheel, options.jobs))
         return 0
     start_s = time.monotonic()
-    # packages that add commands bring loops of their own
+    # packages that register commands have their own loops
     listed = modules({"robocup_vision", *(point.module.partition(".")[0] for point in entry_points(group=GROUP))})
     try:
         with worker_processes(options.jobs) as executor:
@@ -55,7 +55,7 @@ def run_warm_up(options: argparse.Namespace) -> int:
                 done.result()
     except BrokenProcessPool:
         raise RobocupVisionError("a process ended abruptly; is there enough memory? Try --jobs 1") from None
-    # when two processes write one loop's cache entry at the same time, one may be lost: this compiles it again
+    # if two processes write a loop's cache entry at the same time, one may be lost: here it is compiled again
     for entries in listed:
         prepare_loops(entries)
     count = sum(map(len, listed))

@@ -1,1 +1,1 @@
-"""When loops are compiled, and where compiled code is kept."""
+"""Compilation of loops, and the cache of compiled code."""

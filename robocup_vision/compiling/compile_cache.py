@@ -1,9 +1,9 @@
-"""Finds a folder for compiled code that can be written, and tells code that was made of other sources.
+"""Finds a writable folder for compiled code, and digests of the sources that it was compiled from.
 
-The logger ``robocup_vision`` tells once, as a warning, what a program waits for when the first loop is compiled.
+When the first loop is compiled, the logger ``robocup_vision`` gives one warning that explains the delay.
 
 numba keeps compiled loops in the folder that ``NUMBA_CACHE_DIR`` names, else beside the source files, else in the
-user's cache folder. Where none of them can be written it refuses to define a loop; here a temporary folder is used.
+user's cache folder. If none of them is writable, numba refuses to define a loop; this module then uses a temporary one.
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ from field_models.errors import RobocupVisionError
 
 VARIABLE = "NUMBA_CACHE_DIR"
 _IMPORT, _WORD = re.compile(rb"^from (\S+) import (\([^)]*\)|.*)", re.MULTILINE), re.compile(rb"\w+")
-# where loops are, and what tells how they are compiled
+# packages with loops, and the module that determines how they are compiled
 _LOOPS = ("robocup_vision.kernels", "sim2d.kernels", "robocup_vision.compiling.loops")
 
 
 class JitStaysOnWarning(RuntimeWarning):
-    """`NUMBA_DISABLE_JIT` is not obeyed: uncompiled, a frame would take minutes."""
+    """`NUMBA_DISABLE_JIT` is ignored, since a frame would take minutes without compiled code."""
 
 
 class CompileCacheWarning(RuntimeWarning):
-    """Compiled code is kept in a temporary folder: it will be compiled again when that is gone."""
+    """Compiled code is kept in a temporary folder; after that is deleted, it must be compiled again."""
 
 
 def ensure_compile_cache(kernels: Path) -> None:
-    """Make sure that the loops of a package can be kept somewhere; call it before the first of them is defined.
+    """Make sure that the compiled loops of a package can be stored; call it before the first of them is defined.
 
     Warns
     -----
     JitStaysOnWarning
-        If compiling is disabled, which is then enabled for this process.
+        If compiling was disabled; it is enabled for this process.
     CompileCacheWarning
         If a temporary folder is used. The process and those that it starts then use it for all loops.
 
@@ -71,13 +71,13 @@ def ensure_compile_cache(kernels: Path) -> None:
     if given and _is_writable(Path(given)):
         return
     sources = sorted(kernels.rglob("__init__.py"))
-    if not given and all(_numba_finds_place(source) for source in sources):
-        _take_along(sources)
+    if not given and all(_numba_has_folder(source) for source in sources):
+        _copy_shipped_loops(sources)
         return
     folder = _temporary_folder()
-    # the variable is for the processes that this one starts: numba has read it already
+    # the variable is for child processes; numba has read it in this process already
     config.CACHE_DIR = os.environ[VARIABLE] = str(folder)
-    _take_along(sources)
+    _copy_shipped_loops(sources)
     tried = (
         f"{VARIABLE}={given} cannot be written"
         if given
@@ -93,10 +93,10 @@ def ensure_compile_cache(kernels: Path) -> None:
 
 @cache
 def source_digest(module: str) -> str | None:
-    """Return a digest of a module's source text and of all of ours that it imports; None if it is no file's.
+    """Return a digest of the source text of a module and of our modules that it imports; None without a source file.
 
-    A loop holds the code of loops that it calls, and the constants that it reads, of other files: by this digest it is
-    compiled anew where any of them has changed, and kept where files have only been copied.
+    A compiled loop contains loops and constants of other files. By this digest it is compiled again if any of them has
+    changed, and kept if files have only been copied.
     """
     path = getattr(sys.modules.get(module), "__file__", None)
     if path is None or not Path(path).is_file():
@@ -112,11 +112,11 @@ def source_digest(module: str) -> str | None:
     return digest.hexdigest()
 
 
-def _take_along(sources: list[Path]) -> None:
-    """Copy loops that came with an installation that cannot be written to where numba keeps others of source files."""
+def _copy_shipped_loops(sources: list[Path]) -> None:
+    """Copy compiled loops that were shipped with a read-only installation to the folder that numba uses instead."""
     for source in sources:
         own, folder = source.parent / "__pycache__", Path(_probe(source).stats.cache_path)
-        # what cannot be copied is compiled
+        # loops that cannot be copied are compiled
         with suppress(OSError):
             for shipped in own.glob("*.nb[ci]") if folder != own else ():
                 kept = folder / shipped.name
@@ -127,8 +127,8 @@ def _take_along(sources: list[Path]) -> None:
                     beside.replace(kept)
 
 
-def _numba_finds_place(source: Path) -> bool:
-    """Return whether numba can keep the loops of a source file's folder: defining one must not fail."""
+def _numba_has_folder(source: Path) -> bool:
+    """Return whether numba can store the loops of a source file, so that defining one does not fail."""
     try:
         _probe(source)
     except RuntimeError:
@@ -137,7 +137,7 @@ def _numba_finds_place(source: Path) -> bool:
 
 
 def _probe(source: Path) -> Any:
-    """Define a loop as one of a source file."""
+    """Define a loop with the file name of a source file."""
     scope: dict[str, Any] = {"__name__": __name__}
     exec(compile("def probe():\n    pass\n", str(source), "exec"), scope)
     return numba.njit(cache=True)(scope["probe"])
@@ -153,9 +153,9 @@ def _is_writable(folder: Path) -> bool:
 
 
 def _temporary_folder() -> Path:
-    """Return a folder of this user's own, the same one at each start; a new one where another user holds its name.
+    """Return a folder of this user, the same one at each start; a new one if another user owns the folder of that name.
 
-    Compiled code is run when it is read, so nobody else may write it.
+    Compiled code is executed when it is loaded, so no other user may be able to write it.
     """
     user = os.getuid() if hasattr(os, "getuid") else "user"
     try:
@@ -179,7 +179,7 @@ _LOG = logging.getLogger("robocup_vision")
 
 
 class _Wait(Listener):
-    """Hears numba compile, which it tells when a loop is in no cache."""
+    """Listens to numba's events, which report that a loop is compiled because it is not in the cache."""
 
     def __init__(self) -> None:
         self.folders: set[Path] = set()
@@ -190,7 +190,7 @@ class _Wait(Listener):
         if self.has_announced or not any(folder in source.parents for folder in self.folders):
             return
         self.has_announced = True
-        # whoever started this worker tells it
+        # a worker process does not log: its parent process has logged the warning
         if multiprocessing.parent_process() is None:
             _LOG.warning(
                 "robocup_vision compiles loops for this machine, once: that takes up to some minutes "
@@ -205,7 +205,7 @@ _wait = _Wait()
 
 
 def tell_of_compiling(kernels: Path) -> None:
-    """Tell when the first loop of a folder, or of those below it, is compiled."""
+    """Log a warning when the first loop of a folder or its subfolders is compiled."""
     if not _wait.folders:
         register("numba:compile", _wait)  # type: ignore[no-untyped-call]
     _wait.folders.add(kernels)

@@ -1,7 +1,7 @@
-"""Puts compiled loops into a wheel, so that a robot that installs it compiles nothing.
+"""Puts compiled loops into a wheel, so that a robot that installs it need not compile anything.
 
-numba finds them where it would have kept them itself, beside the source files. They are for this version of Python and
-numba and for this kind of processor; a machine that is another one compiles as if they were not there.
+numba finds them beside the source files, where it would have cached them itself. They are for the present version of
+Python and numba and this kind of processor; a different machine compiles as if they were not there.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ _PLAIN = "py3-none-any"
 
 
 def compile_wheel(wheel: str | Path, jobs: int) -> Path:
-    """Compile all loops of this library's wheel, as ``pip wheel`` writes it, and return another one that holds them.
+    """Compile all loops of this library's wheel, as ``pip wheel`` writes it, and return a new wheel that contains them.
 
-    It lies beside the other, named by the version of Python and the kind of machine.
+    It is written to the same folder, with the version of Python and the kind of machine in its name.
 
     Raises
     ------
     FileError
         If the wheel cannot be read, is not this library's wheel for any machine, or the new one cannot be written.
     RobocupVisionError
-        If its loops cannot be compiled, or the package ``wheel`` is not installed.
+        If the loops cannot be compiled, or the package ``wheel`` is not installed.
     """
     wheel = Path(wheel)
     try:
@@ -66,7 +66,7 @@ def compile_wheel(wheel: str | Path, jobs: int) -> Path:
 
 
 def _compile(site: Path, jobs: int) -> None:
-    """Compile all loops of the library that stands in a folder, each beside its source."""
+    """Compile all loops of the library in a folder, each cached beside its source."""
     environment = {**os.environ, "PYTHONPATH": str(site), "PYTHONDONTWRITEBYTECODE": "1"}
     environment.pop(VARIABLE, None)
     command = [sys.executable, "-c", _WARM_UP, str(jobs)]

@@ -1,7 +1,7 @@
-"""Decorates the functions that are compiled to machine code, so that all of them are compiled in the same way.
+"""Decorators for the functions that are compiled to machine code, so that all are compiled in the same way.
 
-Loops are kept in the cache on the disk and run without the interpreter's lock. numba's entry for callers in C is left
-out: nobody uses it, and making it takes a tenth of the time of compiling.
+Loops are cached on the disk and run without the interpreter's lock. numba's wrapper for callers in C is omitted: it is
+not used, and takes a tenth of the compilation time.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robocup_vision.compiling.compile_cache import source_digest
 Loop = TypeVar("Loop", bound=Callable[..., Any])
 Values = TypeVar("Values", bound=tuple[Any, ...])
 
-# LLVM's option, how many comparisons of addresses a vectorised loop may begin with, and its default
+# LLVM's option for the number of address comparisons before a vectorised loop, and its default
 _COMPARISONS, _LLVMS_COMPARISONS = "-vectorize-memory-check-threshold", 128
 _compiling = 0
 
@@ -35,18 +35,18 @@ def compiled(
 def compiled(
     function: Any = None, *, error_model: str = "python", fastmath: bool | set[str] = False, inline: str = "never"
 ) -> Any:
-    """Compile a function when it is first called with arguments of some types; a decorator, with options or without.
+    """Compile a function when it is first called with arguments of new types; a decorator with or without options.
 
     Parameters
     ----------
     function : callable
-        What is compiled; left out where options are given.
+        The function; omitted if options are given.
     error_model : str
-        ``numpy`` divides by zero to infinity, ``python`` raises.
+        With ``numpy`` a division by zero gives infinity, with ``python`` it raises.
     fastmath : bool or set of str
         Permissions to reorder arithmetic, by LLVM's names; all of them if True.
     inline : str
-        ``always`` puts the function's body in the place of each call.
+        With ``always`` each call is replaced by the function's body.
     """
     options = {"error_model": error_model, "fastmath": fastmath, "inline": inline}
     make_loop = cast(Any, njit)(cache=True, nogil=True, no_cfunc_wrapper=True, **options)
@@ -55,7 +55,7 @@ def compiled(
         loop = make_loop(function)
         _keep_by_digest(loop)
         if fastmath:
-            # of the other loops, every path rounds alike
+            # without fastmath every path rounds in the same way
             loop.compile = _on_one_path(loop.compile)
         return loop
 
@@ -63,9 +63,9 @@ def compiled(
 
 
 def _keep_by_digest(loop: Any) -> None:
-    """Let numba tell by `source_digest` whether a kept loop is of today's sources: it asks for its own file's time.
+    """Make numba check cached loops by `source_digest` instead of the modification time of the loop's file.
 
-    The version is compared before the types of kept loops are read: they may name classes that are no more.
+    It is also part of the version, which is compared before cached types are read, because their classes may be gone.
     """
     kept: Any = getattr(getattr(loop, "_cache", None), "_cache_file", None)
     digest = source_digest(loop.py_func.__module__)
@@ -75,18 +75,18 @@ def _keep_by_digest(loop: Any) -> None:
 
 
 def _on_one_path(compile_loop: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Return what compiles a loop so that it rounds alike wherever in memory its arrays lie.
+    """Return a function that compiles a loop so that rounding does not depend on where its arrays are in memory.
 
-    LLVM's vectorised loops compare addresses at run time, and take another path where two small arrays lie close
-    together. Where arithmetic may be reordered, that path rounds otherwise: the same frame would then give another
-    estimate, in its last bits, from one call to the next. Loops that need no such comparison are vectorised as ever.
-    The option is of the whole process, so it is set only while a loop of ours is compiled.
+    LLVM's vectorised loops compare addresses at run time, and take another path if two small arrays are close together.
+    If arithmetic may be reordered, that path rounds differently: the same frame would give estimates that differ in the
+    last bits from call to call. Loops that do not need such comparisons are still vectorised. The option applies to the
+    whole process, so it is set only while one of our loops is compiled.
     """
 
     def compile_alike(types: Any) -> Any:
         global _compiling
         with global_compiler_lock:
-            # a loop is compiled while another one that calls it is
+            # calls may be nested: a loop is compiled during the compilation of one that calls it
             _compiling += 1
             if _compiling == 1:
                 set_option("", f"{_COMPARISONS}=0")
@@ -101,16 +101,16 @@ def _on_one_path(compile_loop: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
 
 def plain(values: Values) -> Values:
-    """Return a named tuple, and those in it, as plain ones, for a loop that names them again (``Rules(*rules)``).
+    """Convert a named tuple, and those in it, to plain tuples, for a loop that names them again (``Rules(*rules)``).
 
-    A plain tuple takes a fifth of the time to hand over: of a named one each class is looked up at each call.
+    Passing a plain tuple takes a fifth of the time, because for a named one each class is looked up at each call.
     """
     return cast(Values, tuple(plain(value) if isinstance(value, tuple) else value for value in values))
 
 
 @compiled(inline="always")
 def variable(value: int) -> int:
-    """Return a whole number as a variable of a loop; called with a literal, a loop is compiled once more for it."""
+    """Return an integer as a variable of a loop; a loop that is called with a literal is compiled again for it."""
     return int(np.int64(value))
 
 

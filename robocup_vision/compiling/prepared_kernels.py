@@ -1,7 +1,7 @@
-"""Compiles, or loads from the disk's cache, all loops that an object's calls can reach, so that no call waits for it.
+"""Compiles all loops that an object's calls can reach, or loads them from the disk's cache, so that no call waits.
 
-numba compiles a loop when it is first called with arguments of some types. `signatures.json` beside a package's kernels
-lists those types for each kind of object; ``python tests/kernel_workloads.py`` writes it.
+numba compiles a loop when it is first called with arguments of certain types. `signatures.json` beside a package's
+kernels lists those types for each kind of object; ``python tests/kernel_workloads.py`` writes it.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ def _type_of(spelled: Any) -> Any:
 
 
 def spelled_type(numba_type: Any) -> Any:
-    """Spell a type of numba as JSON values.
+    """Express a type of numba as JSON values.
 
     Raises
     ------
     TypeError
-        If it is none of those that our loops take.
+        If the type is not one of those that our loops take.
     """
     types: Any = import_module("numba.types")
     if isinstance(numba_type, types.Array) and numba_type.aligned:
@@ -74,11 +74,10 @@ def spelled_type(numba_type: Any) -> Any:
 
 @contextmanager
 def quick_compiling() -> Iterator[None]:
-    """Compile in less time: optimise as LLVM's ``-O2`` does, and look for garbage seldom.
+    """Compile in less time: with the optimisations of LLVM's ``-O2``, and less frequent garbage collection.
 
-    What ``-O3`` does beyond costs a tenth of the processor time, and frames take as long without it; a level that the
-    environment variable ``NUMBA_OPT`` names stays. numba makes so many objects that Python's search for garbage takes a
-    tenth too.
+    ``-O3`` takes a tenth more processor time, but does not make frames faster; a level set in the environment variable
+    ``NUMBA_OPT`` is kept. numba makes so many objects that garbage collection takes another tenth.
     """
     config: Any = import_module("numba.core.config")
     thresholds, level = gc.get_threshold(), config.OPT
@@ -93,7 +92,7 @@ def quick_compiling() -> Iterator[None]:
 
 
 def groups(package: str = "robocup_vision") -> dict[str, list[Entry]]:
-    """Return for each kind of object of a package the loops that its calls reach; nothing where it lists none."""
+    """Return the loops that the calls of each kind of object in a package reach; empty if the package has no list."""
     listed = files(package) / "kernels" / "signatures.json"
     found = json.loads(listed.read_text(encoding="utf-8")) if listed.is_file() else {}
     return {
@@ -103,7 +102,7 @@ def groups(package: str = "robocup_vision") -> dict[str, list[Entry]]:
 
 
 def modules(packages: Iterable[str]) -> list[list[Entry]]:
-    """Return what `groups` lists for some packages, each entry once, in one list for each module; the longest first."""
+    """Return the entries of `groups` for some packages, each once, in a list for each module, the longest first."""
     unique = {
         (kernel, json.dumps(arguments))
         for package in packages
@@ -127,8 +126,8 @@ def prepare_loops(entries: Iterable[Entry]) -> None:
 def prepare(group: str, package: str = "robocup_vision") -> None:
     """Compile or load the loops of one kind of object, such as ``mirror_field``; a group that is not listed has none.
 
-    Once a loop has been compiled here, a second process compiles the same list from its other end. Each finds in the
-    cache what the other has done.
+    When the first loop had to be compiled, a second process begins to compile the same list from its other end. Each
+    process finds the results of the other in the cache.
     """
     other = None
     try:
@@ -143,7 +142,7 @@ def prepare(group: str, package: str = "robocup_vision") -> None:
 
 
 def _second_process(group: str, package: str) -> subprocess.Popen[bytes] | None:
-    """Start to compile a group from its beginning; not in a worker process, and not where no process can be started."""
+    """Start a process that compiles a group from its beginning; None in a worker process, or if that fails."""
     if multiprocessing.parent_process() is None:
         command, silent = [sys.executable, "-m", __name__, group, package], subprocess.DEVNULL
         with suppress(OSError):

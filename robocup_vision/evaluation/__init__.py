@@ -1,1 +1,1 @@
-"""A folder of images in, figures, plots and an HTML report out."""
+"""Evaluates a folder of images, with figures, plots and an HTML report."""

@@ -1,7 +1,6 @@
-"""Boxes that other programs have written: YOLO's text files, COCO's JSON and the layout of TORSO-21.
+"""Reads boxes of other programs: YOLO's text files, COCO's JSON and the format of TORSO-21.
 
-Each becomes the boxes of images by their file names without a folder, as boxes.csv has them. A box outside its picture
-is refused.
+The result is the boxes by image, named by its file name without folder. A box outside its picture is refused.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from robocup_vision.files.text_files import read_text
 
 _CLASSES = "classes.txt"
 _TORSO_NAME = "annotations.yaml"
-# of TORSO-21: an image's name is a key on a line of its own, and each number of a corner has one
+# lines of TORSO-21: an image's name as a key, another key with its value, and a number of a corner
 _TORSO_IMAGE = re.compile(rf"^\s*(\S.*(?:{'|'.join(map(re.escape, IMAGE_SUFFIXES))}))[\"']?:\s*$", re.IGNORECASE)
 _TORSO_KEY = re.compile(r"^\s*(- )?\s*(width|height|type|in_image|vector|\w[\w ]*):\s*([^#]*)")
 _TORSO_NUMBER = re.compile(r"^\s*(?:- )+\s*(-?\d+(?:\.\d*)?)\s*(?:#.*)?$")
@@ -30,28 +29,28 @@ _TORSO_NUMBER = re.compile(r"^\s*(?:- )+\s*(-?\d+(?:\.\d*)?)\s*(?:#.*)?$")
 
 @dataclass(frozen=True, slots=True)
 class ImportedBoxes:
-    """What another program's labels say."""
+    """The boxes in another program's labels."""
 
-    #: by the image's file name without folder; an image without any may be among them
+    #: boxes by the image's file name without folder; the list may be empty
     boxes: dict[str, list[Box]] = field(default_factory=dict)
-    left_out: int = 0  #: how many labels are no boxes, such as points
+    left_out: int = 0  #: number of labels that are not boxes, such as points
 
 
 def read_yolo(folder: str | Path, images: str | Path, names: str | Path | None = None) -> ImportedBoxes:
-    """Read YOLO's labels: a text file an image, ``class x y width height`` in parts of the picture's size.
+    """Read YOLO's labels: one text file per image, ``class x y width height`` as fractions of the picture's size.
 
     Parameters
     ----------
     images : str or Path
-        Folder of the images, which tell the pictures' sizes.
+        Folder of the images, from which the pictures' sizes are read.
     names : str or Path, optional
-        File of the classes' names, one a line; by default classes.txt in `folder` or in the folder above.
+        File of the classes' names, one per line; by default classes.txt in `folder` or in its parent folder.
 
     Raises
     ------
     FileError
-        If a file cannot be read or is no such file, an image is missing, a class has no name, or a box is outside its
-        picture.
+        If a file cannot be read or has another format, an image is missing, a class has no name, or a box is outside
+        its picture.
     """
     folder, images = Path(folder), Path(images)
     if not folder.is_dir():
@@ -107,7 +106,7 @@ def read_coco(path: str | Path) -> ImportedBoxes:
     Raises
     ------
     FileError
-        If it cannot be read or is no such file, or a box is outside its picture.
+        If the file cannot be read or has another format, or a box is outside its picture.
     """
     path = Path(path)
     try:
@@ -155,17 +154,17 @@ def _base_names(path: Path, names: list[str]) -> list[str]:
 
 
 def read_torso_21(path: str | Path) -> ImportedBoxes:
-    """Read the annotations.yaml of a part of TORSO-21; labels of one point or of an outline are no boxes.
+    """Read the annotations.yaml of a part of TORSO-21; labels of one point or of an outline are skipped.
 
     Parameters
     ----------
     path : str or Path
-        The file, or the folder it lies in.
+        The file, or its folder.
 
     Raises
     ------
     FileError
-        If it cannot be read or is no such file, or a box is outside its picture.
+        If the file cannot be read or has another format, or a box is outside its picture.
     """
     path = Path(path)
     path = path / _TORSO_NAME if path.is_dir() else path
@@ -201,7 +200,7 @@ class _TorsoImage:
 
 
 def _torso_images(lines: Iterable[str]) -> Iterable[_TorsoImage]:
-    """Yield the images as their lines go by: the file is too long for a reader of any YAML."""
+    """Yield the images while reading lines; the file is too large for a general YAML parser."""
     image: _TorsoImage | None = None
     in_vector = False
     for number, text in enumerate(lines, start=1):

@@ -1,4 +1,4 @@
-"""boxes.csv: what stands in a dataset's images, marked by boxes in pixels."""
+"""Reads and writes boxes.csv: things in a dataset's images, marked by boxes in pixels."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from robocup_vision.files.output_folder import telling_write_errors
 
 NAME = "boxes.csv"
 COLUMNS = ("image", "kind", "xmin", "ymin", "xmax", "ymax")
-# programs count a picture's rim from its first pixel's middle or from its outer edge
+# tolerance at a picture's border: programs measure from the first pixel's middle or from its outer edge
 _RIM_PX = 1.0
 
 
 class Box(NamedTuple):
-    """Where something stands in an image."""
+    """The place of a thing in an image."""
 
-    kind: str  #: what it is, such as "ball" or "robot"
-    #: pixels
+    kind: str  #: kind of the thing, such as "ball" or "robot"
+    #: sides of the box, pixels
     xmin: float
     ymin: float
     xmax: float
     ymax: float
 
     def holds(self, u_px: float, v_px: float, margin_px: float = 0.0) -> bool:
-        """Whether a pixel lies in the box or so near it."""
+        """Whether a pixel lies in the box, enlarged by a margin."""
         return (
             self.xmin - margin_px <= u_px <= self.xmax + margin_px
             and self.ymin - margin_px <= v_px <= self.ymax + margin_px
         )
 
     def is_cut(self, size_px: tuple[int, int]) -> bool:
-        """Whether the box ends at the rim of a picture of this width and height."""
+        """Whether the box touches the border of a picture of this width and height."""
         width, height = size_px
         return (
             min(self.xmin, self.ymin) <= _RIM_PX
@@ -43,7 +43,7 @@ class Box(NamedTuple):
         )
 
     def problem(self, size_px: tuple[int, int]) -> str | None:
-        """Say what is wrong with the box in a picture of this width and height; None: nothing."""
+        """Return what is wrong with the box in a picture of this width and height; None: nothing."""
         width, height = size_px
         if not (self.xmin < self.xmax and self.ymin < self.ymax):
             return "a box must have xmin below xmax and ymin below ymax"
@@ -63,7 +63,7 @@ def load_boxes(path: Path, image_names: Collection[str], size_px: tuple[int, int
     Raises
     ------
     FileError
-        If it cannot be read, names an image that is not there, or a box is empty or outside the picture.
+        If the file cannot be read, names an image that is not there, or a box is empty or outside the picture.
     """
     known = frozenset(image_names)
     boxes: dict[str, tuple[Box, ...]] = {}
@@ -87,7 +87,7 @@ def save_boxes(path: Path, boxes: Mapping[str, Iterable[Box]]) -> None:
     Raises
     ------
     FileError
-        If it cannot be written.
+        If the file cannot be written.
     """
     import csv
 

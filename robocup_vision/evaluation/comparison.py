@@ -1,6 +1,6 @@
-"""Two evaluations side by side: their figures, and what became of each image in the one and in the other.
+"""Compares two evaluations: their figures, and the outcome of each image in both.
 
-Works on the files that `evaluate` has written. Drawing needs the extra `report` (matplotlib, jinja2).
+It reads the files that `evaluate` has written. Drawing needs the extra `report` (matplotlib, jinja2).
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from robocup_vision.evaluation.scoring import FAIR_M, FAIR_RAD, NEAR_M
 from robocup_vision.files.csv_table import CsvRow, read_csv
 from robocup_vision.files.images import read_image
 
-# what became of an image, the best first
+# the outcomes of an image, the best first
 LOCATED, WRONG, REFUSED, UNREADABLE = OUTCOMES = ("located", "wrong", "refused", "unreadable")
-# pictures on the page, and their width: more open in no browser
+# number of pictures on the page, which a browser must be able to open, their width and JPEG quality
 _MAX_PICTURES, _PICTURE_PX, _PICTURE_QUALITY = 60, 480, 75
 _ORANGE = "#d9730d"
 
 
 @dataclass(frozen=True, slots=True)
 class ImageOutcome:
-    """What one evaluation made of an image."""
+    """The outcome of an image in one evaluation."""
 
     outcome: str  #: one of `OUTCOMES`: "wrong" is a pose more than 10 cm or 5 degrees from a known truth
-    #: distance from the truth, and time taken
+    #: distance from the truth, and computing time
     error_m: float | None
     ms: float | None
     reason: str  #: why it was not located; empty otherwise
@@ -44,14 +44,14 @@ class ImageOutcome:
 class Evaluation:
     """The files of one evaluation."""
 
-    name: str  #: its folder as given
+    name: str  #: its folder, as the user named it
     summary: Mapping[str, str | float | int | None]  #: the keys of summary.json
-    images: Mapping[str, ImageOutcome]  #: by the image's name
+    images: Mapping[str, ImageOutcome]  #: outcomes by the image's name
 
 
 @dataclass(frozen=True, slots=True)
 class ImageChange:
-    """An image of which the two evaluations made something else."""
+    """An image with different outcomes in the two evaluations."""
 
     image: str
     before: ImageOutcome
@@ -62,25 +62,24 @@ class ImageChange:
 class Comparison:
     """Two evaluations of the same images."""
 
-    #: as they were read
     first: Evaluation
     second: Evaluation
     shared: tuple[str, ...]  #: images that both have; only these are compared one by one
-    changes: tuple[ImageChange, ...]  #: those with another outcome: what became worse first, in the order of the images
+    changes: tuple[ImageChange, ...]  #: images with different outcomes: first those that became worse
 
     @property
     def left_alone(self) -> tuple[int, int]:
-        """How many images the first has alone, and the second."""
+        """Numbers of images that only the first has, and only the second."""
         return len(self.first.images) - len(self.shared), len(self.second.images) - len(self.shared)
 
     def count(self, before: str, after: str) -> int:
-        """Return how many shared images had one outcome in the first evaluation and another in the second."""
+        """Return the number of shared images with outcome `before` in the first evaluation and `after` in the other."""
         pairs = ((self.first.images[name].outcome, self.second.images[name].outcome) for name in self.shared)
         return sum(pair == (before, after) for pair in pairs)
 
 
 def load_evaluation(folder: str | Path) -> Evaluation:
-    """Read what `evaluate` has written into a folder.
+    """Read the files that `evaluate` has written into a folder.
 
     Raises
     ------
@@ -128,7 +127,7 @@ def render_comparison(comparison: Comparison, pictures: Path | None = None) -> s
     Parameters
     ----------
     pictures : Path, optional
-        Folder with the images; those that changed are then shown.
+        Folder of the images; if given, the page shows those that changed.
     """
     return render_page(
         "comparison.html",
@@ -205,7 +204,7 @@ def _pictures(comparison: Comparison, folder: Path) -> list[tuple[ImageChange, s
 
 
 def _error_plot(comparison: Comparison) -> str | None:
-    """Draw which part of the shared images is within each error, in both evaluations; None without any truth."""
+    """Draw the fraction of shared images within each error, for both evaluations; None without truth."""
     series = []
     for evaluation, color in ((comparison.first, BLUE), (comparison.second, _ORANGE)):
         errors = [evaluation.images[name].error_m for name in comparison.shared]
@@ -243,7 +242,7 @@ def _signed(difference: float, text: Callable[[float | None], str]) -> str:
     return ("+" if difference > 0 else "−") + digits
 
 
-# labels and keys of summary.json that are compared, and how they are written
+# label, key in summary.json and format of each figure that is compared
 _FIGURES: Sequence[tuple[str, str, Callable[[float | None], str]]] = (
     ("Images", "images", _whole),
     ("Located", "located", _whole),

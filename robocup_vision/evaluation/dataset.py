@@ -1,9 +1,9 @@
 """A folder of images (or a video) with its field, camera, truth and odometry, checked before any frame is read.
 
-Frames stay on the disk until they are asked for, one at a time: a dataset may be larger than memory.
+Frames are read from the disk one at a time, when they are used: a dataset may be larger than memory.
 
 The key `pose_of` of dataset.toml states whose poses truth.csv and results.csv hold: "robot" (default), or "camera", the
-camera's foot on the floor and the heading of its optical axis. The two are one where the camera file has neither
+camera's foot on the floor and the heading of its optical axis. The two are equal where the camera file has neither
 pan_rad nor offset_m. frames.csv holds the robot's motion in either case.
 """
 
@@ -82,10 +82,10 @@ class Truth:
 
 @dataclass(frozen=True, slots=True)
 class FrameTime:
-    """When a frame was taken, seconds, and how the robot moved since the frame before, in that frame's robot frame.
+    """The time of a frame, seconds, and the robot's motion since the frame before, in the robot frame at that time.
 
-    `mounting`: how neck and body held the camera; None: as the camera file says. `camera_times_s`: of a rig when each
-    camera's frame was taken, None where it gave none; `t_s` is the latest of them.
+    `mounting` is how neck and body held the camera; None: as the camera file says. `camera_times_s`, for a rig, are the
+    times of the cameras' frames, None where a camera gave no frame; `t_s` is the latest of them.
     """
 
     t_s: float
@@ -98,30 +98,29 @@ class FrameTime:
 class Dataset:
     """What `load_dataset` found. Can be pickled, so that worker processes read their own frames."""
 
-    name: str  #: of the folder or video
+    name: str  #: the name of the folder or video
     path: Path  #: the folder that holds the images, or the video file
     image_names: tuple[str, ...]  #: in the order of evaluation: file names, or ``frame_000000`` and so on for a video
-    #: what `robocup_vision.Vision` needs; `colors` is None where they are learnt from the images
+    #: the arguments of `robocup_vision.Vision`; `colors` is None if they are learnt from the images
     field: Field
     camera: OmniCamera | PinholeCamera
     colors: Colors | None
-    method: str  #: how the pose is found
-    times: Mapping[str, FrameTime] | None  #: by image, from frames.csv or the video; a dataset with times is a sequence
-    truth: Mapping[str, Truth]  #: by image; may cover only a part of the images, or none
-    mask: npt.NDArray[np.uint8] | None  #: (H, W) uint8: non-zero where pixels are never to be looked at
+    method: str  #: method of localisation
+    times: Mapping[str, FrameTime] | None  #: by image, from frames.csv or the video; with times it is a sequence
+    truth: Mapping[str, Truth]  #: true poses by image; may cover only a part of the images, or none
+    mask: npt.NDArray[np.uint8] | None  #: (H, W) uint8: non-zero pixels are never used
     symmetry: Symmetry  #: "point": errors count modulo a half turn about the field's centre
-    #: whose poses `truth` and the results hold: the robot's, or the camera's (its foot on the floor and the heading of
-    #: its optical axis). Odometry in `times` is always the robot's.
+    #: subject of the poses in `truth` and the results: robot or camera (its foot on the floor and the heading of its
+    #: optical axis). Odometry in `times` is always the robot's.
     pose_of: PoseOf = "robot"
     notes: tuple[str, ...] = ()  #: lines the user should see, such as that a video ends early
-    landmarks: LandmarkMap | None = None  #: what method "landmarks" locates by
-    left_out: int = 0  #: how many frames, or files that look like images, are not among the images; the notes say why
-    #: by image, from boxes.csv; an image without any shows nothing that is marked. None: there is no such file.
+    landmarks: LandmarkMap | None = None  #: the map of method "landmarks"
+    left_out: int = 0  #: number of frames or image-like files that are not used; the notes say why
+    #: boxes by image, from boxes.csv; an image that is not a key has no boxes. None: there is no such file.
     boxes: Mapping[str, tuple[Box, ...]] | None = None
-    #: of several cameras, `camera` being the first: an image's name then stands for the images of that name in the
-    #: folders of the cameras
+    #: several cameras on one body, `camera` being the first; a name stands for images of that name of all cameras
     rig: Rig | None = None
-    rig_masks: tuple[npt.NDArray[np.uint8] | None, ...] = ()  #: of a rig's cameras, in place of `mask`
+    rig_masks: tuple[npt.NDArray[np.uint8] | None, ...] = ()  #: one for each camera of a rig, in place of `mask`
 
     @property
     def is_video(self) -> bool:
@@ -129,11 +128,11 @@ class Dataset:
         return self.path.is_file()
 
     def truth_of(self, index: int) -> Truth | None:
-        """Return the true pose of an image, None where it is unknown."""
+        """Return the true pose of an image, None if it is unknown."""
         return self.truth.get(self.image_names[index])
 
     def boxes_of(self, index: int) -> tuple[Box, ...]:
-        """Return what is marked in an image."""
+        """Return the boxes that are marked in an image."""
         return () if self.boxes is None else self.boxes.get(self.image_names[index], ())
 
     def read_frame(self, index: int) -> UInt8Array:
@@ -156,7 +155,7 @@ class Dataset:
         return decode_rig(rig_contents(self.path, self.rig, name), self.rig, name)
 
     def read_frames(self) -> Iterator[UInt8Array | FrameError]:
-        """Read all frames; where one cannot be used, yield the error in its place."""
+        """Yield all frames, (H, W, 3) uint8 BGR; in place of a frame that cannot be used, yield the error."""
         if self.is_video:
             yield from read_video(self.path, len(self.image_names), self.camera.size_px)
             return
@@ -189,17 +188,17 @@ def load_dataset(
     camera, colors : str or Path, optional
         Paths of camera and colour file.
     method : str, optional
-        How the pose is found: a name in `robocup_vision.localization.methods.METHODS`.
+        Method of localisation: a name in `robocup_vision.localization.methods.METHODS`.
     landmark_map : str or Path, optional
-        Path of the map that method "landmarks" locates by; given alone, it chooses that method.
+        Path of the map that method "landmarks" uses; without `method` it selects that method.
     takes_rig : bool
         Whether the camera may be a rig file.
 
     Raises
     ------
     FileError
-        If a file is missing or wrong, there are no images, a table names absent images, or things contradict each
-        other.
+        If a file is missing or wrong, there are no images, a table names an image that does not exist, or keys
+        contradict each other.
     ArgumentError
         If an argument is unknown, or `field` or `camera` is needed.
     """
@@ -285,7 +284,7 @@ def load_dataset(
 def _rig_images(
     path: Path, source: Path, description: _DatasetFile, rig: Rig, frames_path: Path | None
 ) -> tuple[tuple[str, ...], dict[str, FrameTime] | None]:
-    """Return the looks of several cameras on one body, and when they were taken."""
+    """Return the image names that a rig's cameras have in common, and the times of their frames."""
     if description.pose_of != "robot":
         raise FileError(path, "must be robot with a rig, whose cameras are several", key="pose_of")
     if not source.is_dir():
@@ -381,7 +380,7 @@ def _find_images(
     if count == 0:
         raise FileError(path, "is neither a folder of images nor a video that can be read", key=key, value=value)
     note = f"{source.name}: {count} frames can be decoded, its header announces {announced}: is it cut off?"
-    # a header may be off by a frame or by rounding
+    # a header's count may differ by a frame, or by rounding of duration times rate
     notes: tuple[str, ...] = (note,) if announced - count > 1 + announced // 50 else ()
     if video.turn_deg:
         turn = f"its header says to turn the frames by {video.turn_deg} degrees"
@@ -441,7 +440,7 @@ def _mounting(path: Path, row: CsvRow) -> Mounting | None:
 def _check_mountings(
     path: Path | None, times: Mapping[str, FrameTime] | None, camera: OmniCamera | PinholeCamera, method: str
 ) -> None:
-    """Refuse mountings that would not be used."""
+    """Refuse mountings that the camera or the method would ignore."""
     from robocup_vision.localization.methods import choose_method
 
     given = {name for time in (times or {}).values() if time.mounting is not None for name in time.mounting.known}

@@ -1,7 +1,7 @@
-"""Balls and obstacles of a view, compared with the boxes of its image.
+"""Compares the balls and obstacles of a view with the boxes of its image.
 
-What is reported is a hit where its place in the picture, a ball's centre or an obstacle's foot, lies in a box of its
-kind or 2 pixels around it; each box counts once, for the likeliest. What is reported and hits no box is false.
+A detection is a hit if its place in the picture (a ball's centre or an obstacle's foot) lies in a box of its kind or at
+most 2 pixels outside. Each box is hit at most once, by the first such detection. Detections that hit no box are false.
 """
 
 from __future__ import annotations
@@ -21,34 +21,35 @@ from robocup_vision.perception.kinds.network import Kind
 
 HIT_PX = 2.0
 BALL, OBSTACLE = "ball", "obstacle"
-# kinds of boxes that an obstacle may be reported of
+# kinds of boxes that an obstacle may hit
 OBSTACLE_KINDS = (OBSTACLE, "robot", "person", "human")
 SCORED_KINDS = (BALL, *OBSTACLE_KINDS)
-# kinds of boxes that show a robot or a person; a box of another kind shows neither, but an obstacle may be either
+# kinds of boxes that show a robot or a person; "obstacle" is not among them because it may be either
 KIND_OF_BOX: Final[dict[str, Kind]] = {"robot": "robot", "person": "person", "human": "person"}
 
 
 class Detection(NamedTuple):
-    """A box with what was reported of it, or what was reported where there is no box."""
+    """A box with the detection that hit it, a missed box, or a false detection."""
 
-    kind: str  #: of the box; without a box, of the detection: "ball" or "obstacle"
-    #: its xmin, ymin, xmax, ymax, pixels; None: what was reported is not there
+    kind: str  #: kind of the box; without a box, the detection's kind: "ball" or "obstacle"
+    #: xmin, ymin, xmax and ymax of the box, pixels; None: a false detection
     box: tuple[float, float, float, float] | None
-    place_px: tuple[float, float] | None = None  #: where it was reported; None: the box was missed
-    #: reported range less that of the box: where the ray through its centre meets the height of a ball's centre, or the
-    #: ray through its lower edge the floor. None of a miss, and where the box is cut or no floor is there.
+    place_px: tuple[float, float] | None = None  #: place of the detection in the image; None: the box was missed
+    #: reported range minus that of the box: where the ray through its centre meets the height of a ball's centre, or
+    #: the ray through its lower edge meets the floor. None for a miss, a false detection, a box that is cut by the
+    #: image's border, and a ray that does not meet the floor.
     range_error_m: float | None = None
-    #: `Obstacle.kind` of what was reported in a box of a robot or a person; None: not reported, or not asked for
+    #: reported `Obstacle.kind` in the box of a robot or a person; None: not reported, or not asked for
     reported_kind: str | None = None
 
     @property
     def is_hit(self) -> bool:
-        """Whether something was reported where a box is."""
+        """Whether a detection lies in a box."""
         return self.box is not None and self.place_px is not None
 
 
 def reported_kinds(boxes: Iterable[Box]) -> tuple[str, ...]:
-    """Return which of "ball" and "obstacle" a dataset's boxes mark; both where there is no box at all."""
+    """Return which of "ball" and "obstacle" a dataset's boxes mark; both if there are no boxes."""
     marked = {box.kind for box in boxes}
     kinds = (BALL,) * (BALL in marked) + (OBSTACLE,) * (not marked.isdisjoint(OBSTACLE_KINDS))
     return kinds if marked else (BALL, OBSTACLE)
@@ -57,16 +58,16 @@ def reported_kinds(boxes: Iterable[Box]) -> tuple[str, ...]:
 def match_boxes(
     view: Any, boxes: Sequence[Box], field: Field, kinds: Sequence[str] = (BALL, OBSTACLE)
 ) -> tuple[Detection, ...]:
-    """Hold what a view tells against the boxes of its image.
+    """Compare the balls and obstacles of a view with the boxes of its image.
 
     Parameters
     ----------
     view : View
         Or another value with `balls`, `obstacles` and `camera`.
     boxes : sequence of Box
-        Those of kinds that no view tells are left out.
+        Boxes of other kinds than `SCORED_KINDS` are ignored.
     kinds : sequence of str
-        Which of "ball" and "obstacle" are held against boxes.
+        Which of "ball" and "obstacle" are compared.
 
     Raises
     ------
@@ -81,7 +82,7 @@ def match_boxes(
     balls = [_Report((ball.u_px, ball.v_px), math.hypot(ball.x_m, ball.y_m), None) for ball in view.balls]
     feet = np.array([(one.x_m, one.y_m) for one in view.obstacles], dtype=np.float64).reshape(-1, 2)
     shown = camera.floor_to_pixel(feet) if len(feet) else feet
-    # telling kinds takes time
+    # computing `Obstacle.kind` takes time
     asks_kinds = any(box.kind in KIND_OF_BOX for box in boxes)
     things = [
         _Report((float(u), float(v)), math.hypot(x, y), one.kind if asks_kinds else None)
@@ -122,13 +123,13 @@ def _matched(
 
 
 def _range_m(box: Box, camera: OmniCamera | PinholeCamera, height_m: float | None) -> float | None:
-    """Range, robot frame, of a ball's centre at this height, or of the feet of what stands on the floor."""
+    """Return the distance from the robot to a ball's centre at this height, or to the foot of a thing on the floor."""
     if isinstance(camera, PinholeCamera) and not camera.known_orientation:
         return None
     u, v = (box.xmin + box.xmax) / 2, (box.ymin + box.ymax) / 2
     if height_m is None:
         if isinstance(camera, OmniCamera):
-            # feet are what is nearest to the mirror's axis
+            # the foot is the point of the box nearest to the mirror's axis
             u, v = (
                 float(np.clip(c, low, high)) for c, low, high in zip(camera.center_px, box[1:3], box[3:], strict=True)
             )
@@ -144,18 +145,18 @@ def _range_m(box: Box, camera: OmniCamera | PinholeCamera, height_m: float | Non
 
 @dataclass(frozen=True, slots=True)
 class KindFigures:
-    """How well things of one kind are found; None where nothing was there to compute a figure from."""
+    """How well things of one kind are found; None if there was nothing to compute a figure from."""
 
-    #: how many boxes there are, and how many of them were found
+    #: number of boxes, and of those that were hit
     boxes: int
     found: int
-    #: number of detections of this kind; None of a kind that is detected as an obstacle, such as a robot
+    #: number of detections of this kind; None for kinds that are reported as obstacles, such as "robot"
     reported: int | None
-    #: found of all boxes, and hits of all that was reported, 0 to 1
+    #: fraction of the boxes that were hit, and of the detections that are hits, 0 to 1
     recall: float | None
     precision: float | None
-    median_range_error_m: float | None  #: median of how far the range is off, over the hits whose true range is known
-    #: number of the robots or people found whose `Obstacle.kind` was reported, and was right; None of other kinds
+    median_range_error_m: float | None  #: median absolute range error over the hits whose true range is known
+    #: number of hits whose `Obstacle.kind` was reported, and of those where it was right; only for robots and people
     kind_reported: int | None = None
     kind_right: int | None = None
 
@@ -163,7 +164,7 @@ class KindFigures:
 def detection_figures(
     detections: Iterable[Detection], kinds: Sequence[str] = (BALL, OBSTACLE)
 ) -> dict[str, KindFigures]:
-    """Compute the figures of these kinds, and of each kind of box; "obstacle" holds all that is no ball."""
+    """Compute the figures of these kinds, and of each kind of box; detections of "obstacle" are all but balls."""
     every = list(detections)
     shown = dict.fromkeys((*kinds, *sorted({one.kind for one in every})))
     return {kind: _figures(kind, every) for kind in shown}

@@ -1,4 +1,4 @@
-"""Scores single frames, in this process or in several: an error of one becomes its row's reason and costs no other."""
+"""Scores single frames, in this process or in several; an error in one frame becomes the reason in its row."""
 
 from __future__ import annotations
 
@@ -38,24 +38,24 @@ _MAX_BATCH = 32
 
 
 class ViewLike(Protocol):
-    """What a localiser returns for one frame.
+    """The result of a localiser for one frame.
 
     A dataset with `pose_of = "camera"` needs a property `camera_pose` of the same type beside `pose`.
     """
 
     @property
     def pose(self) -> PoseEstimate | NotLocated:
-        """The robot's pose as this frame alone shows it."""
+        """The robot's pose by this frame alone."""
         ...
 
 
 class VisionLike(Protocol):
-    """What can be scored: `robocup_vision.Vision`, or a team's own localiser."""
+    """A localiser that can be scored: `robocup_vision.Vision`, or a team's own."""
 
     def look(self, frame: UInt8Array, t_s: float | None = None, odometry: Pose2 | None = None) -> ViewLike:
         """Look at one frame, (H, W, 3) uint8 BGR, with its time and the motion since the frame before if known.
 
-        Where the dataset tells how a head holds the camera, `mounting` is handed over by its name, too.
+        If the dataset has mountings of the camera, the keyword argument `mounting` is passed, too.
         """
         ...
 
@@ -78,12 +78,12 @@ def make_default_vision(dataset: Dataset) -> VisionLike:
 
 
 def make_vision_with_memory(dataset: Dataset, half: Half | None = None) -> Vision:
-    """Build `Vision` with a memory, which goes by the views of a mirror camera where a dataset has no odometry.
+    """Build `Vision` with a memory; a mirror camera without odometry gets an estimator of ego-motion.
 
     Parameters
     ----------
     half : {"own"}, optional
-        The half of the field in which the robot is known to begin (`Memory`).
+        The field half in which the robot is known to start (`Memory`).
     """
     from robocup_vision.mapping.view_motion import ViewMotion
     from robocup_vision.memory import Memory
@@ -113,21 +113,21 @@ def draw_default_overlay(view: Any, frame: UInt8Array, vision: Any) -> UInt8Arra
 
 @dataclass(frozen=True, slots=True)
 class ScorePlan:
-    """What is scored, and how; may be sent to another process."""
+    """What is scored, and how; can be pickled."""
 
     dataset: Dataset
     make_vision: MakeVision
     draw_overlay: DrawOverlay
-    wants_overlays: bool  #: whether there will be a report that shows pictures
-    spread: frozenset[int]  #: numbers of the images that the report shows in any case; none without a report
-    scores_belief: bool = False  #: score the estimate over time, `view.belief`, in place of what each frame shows
+    wants_overlays: bool  #: whether pictures for a report are drawn
+    spread: frozenset[int]  #: numbers of the images that the report always shows; empty without a report
+    scores_belief: bool = False  #: score the estimate over time, `view.belief`, instead of each frame's own pose
     steering: SteerPlan | None = None  #: steer by each frame, too: the localiser's views then need `free_space`
-    #: which of "ball" and "obstacle" are held against the dataset's boxes
+    #: which of "ball" and "obstacle" are compared with the dataset's boxes
     reported_kinds: tuple[str, ...] = (BALL, OBSTACLE)
 
     def without_images(self) -> ScorePlan:
-        """Return the plan as a worker needs it, that gets each image's name and truth with the image."""
-        # none is not the same as no file
+        """Return the plan for a worker, which receives each image's name, truth and boxes with its job."""
+        # None would mean that there is no boxes.csv
         boxes: dict[str, tuple[Box, ...]] | None = None if self.dataset.boxes is None else {}
         return replace(self, dataset=replace(self.dataset, image_names=(), truth={}, boxes=boxes))
 
@@ -135,16 +135,16 @@ class ScorePlan:
 class ImageJob(NamedTuple):
     """An image to score, as it is sent to a worker."""
 
-    number: int  #: its place among the images
+    number: int  #: its index in the dataset
     image: str
-    truth: Truth | None  #: none where it is unknown
-    #: what stands in its file, or its files; the error where it cannot be read; None where the worker reads them
+    truth: Truth | None  #: None if it is unknown
+    #: bytes of its file, or of a rig's files; an error if they cannot be read; None: the worker reads them
     content: bytes | RigContents | FrameError | None = None
-    boxes: tuple[Box, ...] = ()  #: what is marked in it
+    boxes: tuple[Box, ...] = ()  #: the boxes marked in it
 
 
 class FrameScorer:
-    """One localiser of one thread, and the ranking of the worst frames so far."""
+    """Scores frames with one localiser, in one thread, and ranks the worst frames so far."""
 
     def __init__(self, plan: ScorePlan) -> None:
         self.plan = plan
@@ -156,7 +156,7 @@ class FrameScorer:
         )
 
     def score_file(self, job: ImageJob) -> FrameResult:
-        """Read an image, or decode what was sent of it, and score it."""
+        """Read an image, or decode the bytes that were sent, and score it."""
         dataset = self.plan.dataset
         frame: UInt8Array | RigImages | FrameError
         try:
@@ -213,7 +213,7 @@ class FrameScorer:
         return self._picture(job.number, row, view, frame)
 
     def _odometry(self, time: FrameTime | None) -> Pose2 | None:
-        """Return the step since the last frame that was looked at, over any that could not be."""
+        """Return the motion since the last frame that was looked at, over unreadable ones in between; None: unknown."""
         if time is None or time.odometry is None or self._unused_odometry is None:
             return None
         return self._unused_odometry.compose(time.odometry)
@@ -253,7 +253,7 @@ class FrameScorer:
             try:
                 shown: Any = frame
                 picture = self.plan.draw_overlay(view, shown, self._vision)
-            except Exception as error:  # a picture is no reason to lose a figure
+            except Exception as error:  # the row counts even if its picture cannot be drawn
                 problem = _describe(error)
         jpeg = encode_jpeg(picture)
         if is_worst:
@@ -286,20 +286,19 @@ def score_sequence(scorer: FrameScorer, first: int = 0) -> Generator[FrameResult
 def score_images(
     scorer: FrameScorer, workers: Workers, first: int = 0, *, send_images: bool = True
 ) -> Generator[FrameResult, None, None]:
-    """Score a dataset's images from number `first` on, each by itself.
+    """Score a dataset's images from number `first` on, each independently of the others.
 
     Parameters
     ----------
     scorer : FrameScorer
-        Of this process, which may be the worker; others make their own by its plan.
+        The scorer of this process, if this process is the worker; other workers make their own from its plan.
     send_images : bool
-        Send what stands in the image files to workers that are on other machines; else they read the files themselves,
-        by the same paths.
+        Send the bytes of image files to workers on other machines; otherwise they read the files by the same paths.
 
     Raises
     ------
     RobocupVisionError
-        If an image ends its worker again and again, or there are no workers.
+        If an image repeatedly ends its worker, or there are no workers.
     """
     dataset = scorer.plan.dataset
     sends = send_images and not workers.share_files
@@ -315,7 +314,7 @@ def score_images(
     )
     if workers.is_here:
         return in_order(run_pieces(lambda: scorer.score_file, jobs, workers))
-    # so few that they end together, so many that handing them out takes no time to speak of
+    # batches small enough that all workers end at about the same time, and large enough that overhead is negligible
     batch = min(max(len(dataset.image_names) // _MIN_BATCHES, 1), _MAX_BATCH)
     start = partial(_start_scorer, scorer.plan.without_images())
     return in_order(run_pieces(start, jobs, workers, batch=batch, describe=lambda job: f"image {job.image}"))

@@ -1,7 +1,7 @@
-"""Which overlay pictures of a run are kept: those of evenly spread images and of the worst ones.
+"""Selects the overlay pictures of a run that are kept: those of evenly spread images and of the worst ones.
 
-Which images are worst is known only at the end, so a bounded heap keeps the worst so far as encoded JPEG. Several
-processes may each keep their own heap: the worst of all are among the worst of each.
+The worst images are known only at the end, so a bounded heap keeps the worst ones so far as encoded JPEG. Several
+processes may each keep their own heap, because the worst of all are among the worst of each.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _JPEG_QUALITY = 85
 
 Severity = tuple[float, float]
 _BOX_COLOR = (0, 200, 255)
-# margin of a crop around its box, in pixels and in widths of the box, and the size it is enlarged to
+# margin of a crop around its box, in pixels and in sizes of the box, and the least size of the crop, pixels
 _AROUND_PX, _AROUND, _CROP_PX = 16.0, 1.0, 160.0
 
 
@@ -33,7 +33,7 @@ def spread_indices(count: int) -> frozenset[int]:
 
 
 class WorstSoFar:
-    """The indices of the `WORST_COUNT` worst images, of equally bad ones the earlier, with a picture of each."""
+    """Indices and pictures of the `WORST_COUNT` worst images; of equally bad ones the earlier are kept."""
 
     def __init__(self) -> None:
         self._heap: list[tuple[Severity, int, bytes]] = []
@@ -43,7 +43,7 @@ class WorstSoFar:
         return len(self._heap) < WORST_COUNT or (severity, -index) > self._heap[0][:2]
 
     def add(self, index: int, severity: Severity, jpeg: bytes) -> None:
-        """Add an image that `admits` lets in; the least bad one leaves."""
+        """Add an image for which `admits` is true; if there are too many, the least bad one is dropped."""
         push = heapq.heappush if len(self._heap) < WORST_COUNT else heapq.heapreplace
         push(self._heap, (severity, -index, jpeg))
 
@@ -54,14 +54,14 @@ class WorstSoFar:
 
 
 class Crop(NamedTuple):
-    """A part of an image in which something was missed, or reported where nothing is, as JPEG."""
+    """A part of an image with a missed thing or a false detection, as JPEG."""
 
     caption: str
     jpeg: bytes
 
 
 def error_crops(image: str, frame: UInt8Array, detections: Iterable[Detection]) -> tuple[Crop, ...]:
-    """Cut out what was missed in an image, or reported where nothing is, with the box or a small square drawn."""
+    """Cut the missed things and false detections out of an image, with the box or a small square drawn."""
     return tuple(_crop(image, frame, one) for one in detections if not one.is_hit)
 
 

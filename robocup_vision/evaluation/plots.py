@@ -1,7 +1,7 @@
 """The report's plots: the field with truth and estimates, the distribution of errors, and errors at goals.
 
-Figures are built as Figure objects, without pyplot, so no window system and no global state is involved. The plot of
-images by the size of their error, with the running total, has the form of Figs. 9 and 10 of Yako et al.
+Figures are made as Figure objects, without pyplot, so they need neither a window system nor global state. The plot of
+images by the size of their error, with the cumulative ratio, has the form of Figs. 9 and 10 of Yako et al.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ _PARETO_CAPTION = (
 
 
 def data_uri(kind: str, data: bytes) -> str:
-    """Return an image's bytes as text that stands in an HTML page; `kind` is "png" or "jpeg"."""
+    """Encode an image's bytes as a data URI for an HTML page; `kind` is "png" or "jpeg"."""
     return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def draw_plots(field: Field, rows: Sequence[Row]) -> list[tuple[str, str]]:
-    """Draw what there is to draw; return the image as a data URI and the caption of each plot."""
+    """Draw the plots for which there is data; return each image as a data URI, with its caption."""
     plots = [(_map(field, rows), _MAP_CAPTION)]
     errors = [row.error for row in rows if row.error is not None]
     if errors:
@@ -64,21 +64,21 @@ def draw_plots(field: Field, rows: Sequence[Row]) -> list[tuple[str, str]]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure, inches."""
+    """Return an empty figure of this size, inches."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), dpi=130, layout="constrained")
 
 
 def encode(figure: Figure) -> str:
-    """Return a figure as a data URI."""
+    """Encode a figure as a data URI."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     return data_uri("png", buffer.getvalue())
 
 
 def tidy(axes: Axes, x_label: str, y_label: str) -> None:
-    """Name the axes and take away what distracts."""
+    """Label the axes, and draw only the left and bottom spines and a light grid."""
     axes.set_xlabel(x_label, color=INK)
     axes.set_ylabel(y_label, color=INK)
     axes.spines[["top", "right"]].set_visible(False)
@@ -123,7 +123,8 @@ def _map(field: Field, rows: Sequence[Row]) -> str:
         at = (row.estimate.pose.x_m, row.estimate.pose.y_m)
         if row.truth is not None and row.error is not None:
             start_m = (row.truth.x_m, row.truth.y_m)
-            at = (start_m[0] + row.error.x_m, start_m[1] + row.error.y_m)  # in the half the error was counted in
+            # the error may count modulo a half turn: draw the estimate in the truth's half
+            at = (start_m[0] + row.error.x_m, start_m[1] + row.error.y_m)
             vectors.append((start_m, at))
         (far if row.error is not None and row.error.position_m > FAIR_M else near).append(at)
     axes.add_collection(LineCollection(vectors, colors=RED, linewidths=1.0, zorder=4))
@@ -180,7 +181,7 @@ def _error_histogram(rows: Sequence[Row]) -> str:
     axes = figure.subplots(1, 3)
     for axis, (label, values) in zip(axes, series, strict=True):
         if values:
-            # a few gross errors must not squeeze all others into one bar; they are counted in the outermost
+            # outliers are counted in the outermost bars, so that they do not squeeze all others into one bar
             reach = max(3.0 * float(np.percentile(np.abs(values), 75)), 1e-6)
             axis.hist(np.clip(values, -reach, reach), bins=31, range=(-reach, reach), color=BLUE)
         axis.yaxis.get_major_locator().set_params(integer=True)
@@ -197,14 +198,14 @@ def _residual_histogram(rows: Sequence[Row]) -> str:
 
 
 def draw_goal_plots(field: Field, rows: Sequence[Row]) -> list[tuple[str, str]]:
-    """Draw both where there is truth; return the image as a data URI and the caption of each plot."""
+    """Draw the error map and the Pareto plot, if there is truth; return data URI and caption of each."""
     if not any(row.error is not None for row in rows):
         return []
     return [(_error_map(field, rows), _GOAL_CAPTION), (_pareto(field, rows), _PARETO_CAPTION)]
 
 
 def error_ratio(field: Field, row: Row) -> float | None:
-    """Position error over the distance to the middle of the goal that the camera looked at; None without an error."""
+    """Return the position error divided by the distance to the goal that the camera faced; None without an error."""
     if row.error is None or row.truth is None or row.estimate is None or not field.goals:
         return None
     heading = row.truth.theta_rad

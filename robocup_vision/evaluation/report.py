@@ -1,6 +1,6 @@
-"""report.html: one self-contained page that shows what a run was worth, where it failed, and what the localiser saw.
+"""Makes report.html: one self-contained page with a run's figures, its failures, and what the localiser saw.
 
-Needs the extra `report` (matplotlib, jinja2), which is imported only when a report is made.
+It needs the extra `report` (matplotlib, jinja2), which is imported only when a report is made.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from robocup_vision.evaluation.overlays import WORST_COUNT, Crop
 from robocup_vision.evaluation.plots import data_uri, draw_goal_plots, draw_plots
 from robocup_vision.evaluation.scoring import FAIR_M, Figures, Row
 
-# a longer table opens in no browser
+# a browser cannot open a longer table
 _MAX_LISTED = 5000
 _NUMBER = re.compile(r"-?\d+(\.\d+)?")
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """What was found of the boxes."""
+    """The comparison of detections with the dataset's boxes."""
 
-    figures: dict[str, KindFigures] | None = None  #: by kind; None where nothing is marked
-    crops: Sequence[Crop] = ()  #: what was missed, and what was reported where nothing is
-    crops_left_out: int = 0  #: how many more there are
+    figures: dict[str, KindFigures] | None = None  #: figures by kind; None if the dataset has no boxes
+    crops: Sequence[Crop] = ()  #: pictures of missed boxes and of false detections
+    crops_left_out: int = 0  #: number of further ones that are not shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +52,12 @@ class _Line:
     status: str
     cells: tuple[str, ...]
     reason: str
-    # what the rows of a reason share: its text without the numbers
+    # the reason without its numbers, by which rows are grouped
     kind: str
 
 
 def missing_packages() -> tuple[str, ...]:
-    """Names of the packages that a report needs and that are not installed."""
+    """Return the names of packages that a report needs but that are not installed."""
     return tuple(name for name in ("matplotlib", "jinja2") if find_spec(name) is None)
 
 
@@ -73,8 +73,8 @@ def render_report(
 ) -> str:
     """Return the page as HTML text.
 
-    `spread` and `worst`, the worst first, hold JPEG overlays by the index of their row; `moments` by image the address
-    that opens its moment in the live page.
+    `spread` and `worst`, which begins with the worst, are JPEG overlays by the index of their row. `moments` is, by
+    image, the address that opens its moment in the live page.
     """
     ranked = sorted(range(len(rows)), key=lambda index: (rows[index].severity, -index), reverse=True)
     worst_indices = {index for index, _ in worst}
@@ -104,7 +104,7 @@ def render_report(
 
 
 def render_page(template: str, package: str = "robocup_vision.evaluation", **values: object) -> str:
-    """Return a page as HTML text, by a template of a package; what it includes is beside this module."""
+    """Return a page as HTML text, by a template of a package; templates that it includes are beside this module."""
     from jinja2 import Environment, FunctionLoader
 
     def read(name: str) -> str:
@@ -128,7 +128,7 @@ def _tiles(figures: Figures, time_of_what: str) -> list[tuple[str, str]]:
 
 
 def time_of(is_sequence: bool) -> str:
-    """Say what a time per frame is of: a single image takes longer, for nothing is known from the one before."""
+    """Return the conditions of a time per frame: single images take longer, since nothing is known from another one."""
     return "in a sequence" if is_sequence else "single images, nothing carried on between them"
 
 
@@ -210,12 +210,12 @@ def _conditions(dataset: Dataset) -> list[tuple[str, str]]:
 def _color_source(dataset: Dataset) -> str:
     if dataset.colors is not None:
         return "from a file"
-    # images that stand alone teach nothing to the next, and learning is part of their time
+    # independent images do not pass colours on, and learning them is part of their time
     return "learnt anew from each image, within its time" if dataset.times is None else "learnt from the images"
 
 
 def package_version() -> str:
-    """Version of this package as installed."""
+    """Return the installed version of this package."""
     try:
         return version("robocup-vision")
     except PackageNotFoundError:
@@ -258,7 +258,7 @@ def _kind(row: Row) -> str:
 
 
 def _reasons(rows: Sequence[Row]) -> list[tuple[str, int]]:
-    """Reasons and how many rows have them, the most frequent first; those that differ by numbers alone are one."""
+    """Return the reasons, without their numbers, and the number of rows of each, the most frequent first."""
     counts: dict[str, int] = {}
     for row in rows:
         if row.reason:

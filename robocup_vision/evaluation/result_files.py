@@ -1,6 +1,6 @@
-"""The files other programs read, in the formats that datasets use: results.csv, steering.csv, summary.json and others.
+"""Writes the result files of a run, for other programs: results.csv, steering.csv, summary.json and trajectory.tum.
 
-And the folder that the files of a run go to.
+It also prepares the folder of a run, and encodes kept results of an interrupted run.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ RESULT_CODEC = ValueCodec(
 
 
 def prepare_folder(folder: Path, names: Iterable[str]) -> None:
-    """Make a folder, with those it lies in, and delete what an earlier run wrote into it by these names.
+    """Make a folder and its parents, and delete files of these names, which an earlier run has written into it.
 
     Raises
     ------
@@ -91,13 +91,13 @@ def prepare_folder(folder: Path, names: Iterable[str]) -> None:
     """
     with telling_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        # a run that stops half-way must not leave an earlier run's files behind as its own
+        # otherwise the files of an earlier run would be taken for those of an interrupted one
         for name in names:
             (folder / name).unlink(missing_ok=True)
 
 
 class RowsFile(Closing):
-    """A table: one line an image, none dropped, each in the file when it is added; `cells` makes a row's entries.
+    """A table with one line per image, written to the file at once; `cells` returns the entries of a row.
 
     Raises
     ------
@@ -108,7 +108,7 @@ class RowsFile(Closing):
     def __init__(self, path: Path, columns: Sequence[str], cells: Callable[[Row], Sequence[str]]) -> None:
         self._path, self._cells = path, cells
         with telling_write_errors(path):
-            # the name of an image may be no text
+            # the name of an image may not be valid Unicode
             self._stream = path.open("w", encoding="utf-8", errors="backslashreplace", newline="")
         self._writer = csv.writer(self._stream, lineterminator="\n")
         self._write(columns)
@@ -129,12 +129,12 @@ class RowsFile(Closing):
 
 
 def results_file(path: Path) -> RowsFile:
-    """Begin results.csv."""
+    """Open results.csv for writing."""
     return RowsFile(path, RESULT_COLUMNS, _cells)
 
 
 def steering_file(path: Path) -> RowsFile:
-    """Begin steering.csv."""
+    """Open steering.csv for writing."""
     return RowsFile(path, STEERING_COLUMNS, _steering_cells)
 
 
@@ -170,7 +170,7 @@ def _number(value: float | None) -> str:
 def write_summary(
     path: Path, figures: Figures, *, method: str, left_out: int, detections: dict[str, KindFigures] | None
 ) -> None:
-    """Write summary.json; a figure that nothing was there to compute from is null."""
+    """Write summary.json; a figure without data is null."""
     found = None if detections is None else {kind: asdict(one) for kind, one in detections.items()}
     known: dict[str, object] = {"method": method, "left_out": left_out, "detections": found}
     values = {key: known[key] if key in known else getattr(figures, key) for key in SUMMARY_KEYS}
@@ -180,7 +180,7 @@ def write_summary(
 def write_trajectory(path: Path, rows: Sequence[Row], times: Mapping[str, FrameTime] | None) -> None:
     """Write trajectory.tum: ``t x y z qx qy qz qw`` for every located image.
 
-    The time is that of the dataset's frames.csv, else the image's row number in results.csv, from 0.
+    The time is that of the dataset's frames, or without times the image's row number in results.csv, from 0.
     """
     lines = []
     for index, row in enumerate(rows):
@@ -196,16 +196,16 @@ def write_trajectory(path: Path, rows: Sequence[Row], times: Mapping[str, FrameT
 
 @dataclass(frozen=True, slots=True)
 class FrameResult:
-    """A row of the results, and what the report may show of it."""
+    """A row of the results, and its pictures for the report."""
 
-    row: Row  #: of the results
+    row: Row  #: the row of the results
     jpeg: bytes | None = None  #: the encoded picture
     overlay_problem: str = ""  #: why its overlay was not drawn
-    crops: tuple[Crop, ...] = ()  #: what was missed in it, and what was reported where nothing is
+    crops: tuple[Crop, ...] = ()  #: pictures of missed boxes and of false detections
 
 
 def run_json(dataset: Dataset, steering: SteerPlan | None = None) -> dict[str, Any]:
-    """Return what the rows of a dataset depend on."""
+    """Return as JSON values all parameters on which the rows of a dataset depend."""
     return {
         "format": 5,
         "images": len(dataset.image_names),
@@ -225,12 +225,12 @@ def _digest(value: object) -> str:
 
 
 def without_truth(result: FrameResult) -> FrameResult:
-    """Return what is kept of a result: truth and error are left to the dataset."""
+    """Return a result without truth and error, which `with_truth` takes from the dataset again."""
     return replace(result, row=replace(result.row, truth=None, error=None))
 
 
 def with_truth(result: FrameResult, dataset: Dataset) -> FrameResult:
-    """Return a kept result with truth and error by the dataset."""
+    """Return a kept result with the truth of the dataset and the error against it."""
     row, truth = result.row, dataset.truth.get(result.row.image)
     error = None
     if row.estimate is not None and truth is not None:

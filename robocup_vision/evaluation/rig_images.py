@@ -1,4 +1,4 @@
-"""Images of a dataset with a rig: a folder a camera; images of one name, one of each folder, are one look."""
+"""Images of a dataset with a rig: a folder for each camera; the images of the same name belong to one look."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from robocup_vision.files.images import decode_image, file_bytes
 from robocup_vision.geometry import Pose2
 
 RigImages: TypeAlias = tuple[UInt8Array | None, ...]
-# what stands in the file of each camera's image; None: it has none
+# content of the file of each camera's image; None: the camera has none
 RigContents: TypeAlias = tuple[bytes | None, ...]
 MOTION = ("dx_m", "dy_m", "dtheta_rad")
 
 
 def find_rig_images(path: Path, source: Path, rig: Rig) -> tuple[str, ...]:
-    """Return the names of the looks, sorted: of all images of any camera.
+    """Return the names of the looks, sorted: the names of all images of any camera.
 
     Raises
     ------
     FileError
-        If the folder of a camera is missing, or there is no image.
+        If the folder of a camera is missing, or there are no images.
     """
     names: set[str] = set()
     for camera in rig.names:
@@ -40,7 +40,7 @@ def find_rig_images(path: Path, source: Path, rig: Rig) -> tuple[str, ...]:
 
 
 def rig_contents(source: Path, rig: Rig, name: str) -> RigContents:
-    """Return what stands in the files of a look, None for a camera without one.
+    """Return the contents of the files of a look; None for a camera without one.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def decode_rig(contents: RigContents, rig: Rig, name: str) -> RigImages:
     Raises
     ------
     FrameError
-        If an image is damaged, not 8-bit colour or not as large as its camera's images; it names the camera.
+        If an image is damaged, not 8-bit colour or of another size than its camera's; it names the camera.
     """
     return tuple(
         None if content is None else decode_image(content, f"{camera}/{name}", lens.size_px)
@@ -74,13 +74,13 @@ def decode_rig(contents: RigContents, rig: Rig, name: str) -> RigImages:
 def read_rig_times(
     path: Path, source: Path, rig: Rig, names: tuple[str, ...]
 ) -> dict[str, tuple[tuple[float | None, ...], Pose2 | None]]:
-    """Return of each look the times of its images, and the motion since the look before, from frames.csv.
+    """Return the times of each look's images, and the motion since the previous look, from frames.csv.
 
     Raises
     ------
     FileError
-        If the table is wrong, names an absent image or camera, leaves out an image, times do not ascend, or the images
-        of one look tell different motions.
+        If the table is not valid, names an absent image or camera, does not name all images, times do not ascend, or
+        the images of one look have different motions.
     """
     times: dict[str, list[float | None]] = {name: [None] * len(rig) for name in names}
     motions: dict[str, Pose2] = {}
@@ -110,17 +110,17 @@ def read_rig_times(
 
 
 def motion_of(row: CsvRow) -> Pose2 | None:
-    """Return the motion in a row of frames.csv; None where all three numbers are empty, as before the first frame."""
+    """Return the motion in a row of frames.csv; None if all three numbers are empty, as before the first frame."""
     return Pose2(*map(row.number, MOTION)) if any(map(row.entries.get, MOTION)) else None
 
 
 def rig_mask_paths(path: Path, folder: Path | None, rig: Rig) -> tuple[Path | None, ...]:
-    """Return the file of each camera's mask in a folder, None for a camera without one.
+    """Return the file of each camera's mask in a folder; None for a camera without one.
 
     Raises
     ------
     FileError
-        If the folder is none, or holds no mask of any camera.
+        If it is not a folder, or has no mask of any camera.
     """
     if folder is None:
         return (None,) * len(rig)

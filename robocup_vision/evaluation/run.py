@@ -1,4 +1,4 @@
-"""Scores a localiser on a dataset: every image gets one row, and neither a bad file nor a bug loses the run."""
+"""Scores a localiser on a dataset: every image gets one row, and an error in one image does not end the run."""
 
 from __future__ import annotations
 
@@ -65,19 +65,19 @@ OUTPUT_NAMES = ("results.csv", "steering.csv", "summary.json", "trajectory.tum",
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What `evaluate` found and wrote."""
+    """The results of `evaluate`."""
 
     figures: Figures  #: the figures over all images
-    rows: tuple[Row, ...]  #: one an image, in the images' order
+    rows: tuple[Row, ...]  #: one per image, in the images' order
     out: Path  #: the folder of the files
     report: Path | None  #: the HTML report; None if it could not be written
     notes: tuple[str, ...]  #: lines the user should see: what was ignored or left out
-    method: str  #: how the poses were found
-    #: whether colours and poses were carried on from image to image; else each stands alone, which takes longer
+    method: str  #: method of localisation
+    #: whether colours and poses were carried from image to image; otherwise each was independent, which takes longer
     is_sequence: bool = False
     steering: SteerFigures | None = None  #: the figures over all commands; None without steering
     left_out: int = 0  #: how many frames are not among the images; the notes say why
-    #: how well things are found, by kind; None where nothing is marked
+    #: figures of detections by kind; None if the dataset has no boxes
     detections: dict[str, KindFigures] | None = None
 
     @property
@@ -106,36 +106,35 @@ def evaluate(
 ) -> Summary:
     """Score a localiser on a dataset and write results.csv, summary.json, trajectory.tum and report.html.
 
-    Each image stands alone, unless the dataset has a frames.csv: then it is one sequence, in order, in one process,
-    with time and odometry handed on. An image whose worker dies is looked at again; results.csv has one line of each,
-    written as soon as those before it are.
+    Each image is independent, unless the dataset has times: then it is one sequence, processed in order in one process,
+    with time and odometry. An image whose worker dies is processed again. results.csv gets one line for each image,
+    in order, as soon as it is known.
 
     Parameters
     ----------
     out : str or Path
         Folder for the files; made if missing. Files of an earlier run in it are replaced.
     jobs : int
-        Number of processes. The results do not depend on it, but for the times.
+        Number of processes. Except for the times, the results do not depend on it.
     make_vision : callable
-        Builds the localiser from the dataset. With `jobs` > 1 it must be importable, for it is sent to other processes.
+        Builds the localiser from the dataset. With `jobs` > 1 it must be importable, for other processes.
     draw_overlay : callable
-        ``draw_overlay(view, frame, vision)`` returns a BGR picture for the report; likewise.
+        ``draw_overlay(view, frame, vision)`` returns a BGR picture for the report; must be importable, too.
     moments : mapping of str to str, optional
-        By image: the address that opens its moment, for the report.
+        Address that opens each image's moment, by image, for the report.
     force : bool
-        Go on where the folder holds other files, too, and keep them.
+        Also write to a folder that holds other files, which are kept.
     resume : bool
-        Go on with an interrupted run of the same dataset in this folder, if there is one.
+        Continue an interrupted run of the same dataset in this folder, if there is one.
     scores_belief : bool
-        Score the estimate over time, `view.belief`, of a localiser with a memory such as `make_vision_with_memory`
-        builds, in place of what each frame shows.
+        Score the estimate over time, `view.belief`, instead of each frame's own pose. It needs a localiser with a
+        memory, such as `make_vision_with_memory` builds.
     steering : SteerPlan, optional
         Steer by each image, too, and write steering.csv.
     workers : Workers, optional
-        Who looks at the images, from `robocup_vision.workers`; by default `jobs` processes.
+        Workers from `robocup_vision.workers`; by default `jobs` processes.
     send_images : bool
-        Send what stands in the image files to workers on other machines; else they read the files themselves, by the
-        same paths.
+        Send the bytes of image files to workers on other machines; otherwise they read the files by the same paths.
 
     Raises
     ------
@@ -143,11 +142,11 @@ def evaluate(
         If an argument is of another kind, `jobs` is not positive, or the belief of a dataset without times or of
         camera poses is to be scored.
     FileError
-        If the folder holds files of others, or the files cannot be written.
+        If the folder holds other files and `force` is not set, or the files cannot be written.
     RobocupVisionError
         If the localiser does not accept the dataset's field, camera or colours.
     KeyboardInterrupt
-        If interrupted: results.csv then holds the finished images, and the error says how many they are.
+        If interrupted: results.csv then holds the finished images, and the error states their number.
     """
     require_kind("dataset", dataset, Dataset, "load_dataset(path)")
     if workers is not None:
@@ -183,7 +182,7 @@ def evaluate(
     plan = ScorePlan(
         dataset, make_vision, draw_overlay, not missing, spread, scores_belief, steering, reported_kinds(marked)
     )
-    # built here even when others do the work: a wrong field or colour is reported once, and compiled code is cached
+    # made here even if workers do the work: a wrong field or colour is reported once, and compiled code gets cached
     scorer = FrameScorer(plan)
     run = _Run(plan)
     with ResumeFile(out / UNFINISHED_NAME, run_json(dataset, steering), resume=resume, codec=RESULT_CODEC) as kept:
@@ -192,7 +191,7 @@ def evaluate(
         before = (with_truth(kept.found.pop(index), dataset) for index in sorted(kept.found))
         fresh = score_sequence(scorer, first) if in_turn else score_images(scorer, crew, first, send_images=send_images)
         try:
-            # an interrupt may come while a row is taken in: the processes end then, too
+            # `closing` ends the workers even if an interrupt comes while a row is being written
             with closing(fresh), ExitStack() as files:
                 tables = [files.enter_context(results_file(out / "results.csv"))]
                 if steering is not None:
@@ -202,7 +201,7 @@ def evaluate(
                         kept.add(len(run.rows), without_truth(result))
                     for table in tables:
                         table.add(result.row)
-                    run.take(result)
+                    run.add(result)
         except (KeyboardInterrupt, RobocupVisionError) as error:
             progress_text = (
                 f"{len(run.rows)} of {len(dataset.image_names)} images are done and kept in {out / 'results.csv'}"
@@ -257,7 +256,7 @@ def _write_files(
 
 
 class _Run:
-    """What is kept of the results so far: all rows, and the pictures that the report shows."""
+    """The results so far: all rows, and the pictures that the report shows."""
 
     def __init__(self, plan: ScorePlan) -> None:
         self.rows: list[Row] = []
@@ -269,8 +268,8 @@ class _Run:
         self._spread = plan.spread
         self.reported_kinds = plan.reported_kinds
 
-    def take(self, result: FrameResult) -> None:
-        """Take in the next image's result."""
+    def add(self, result: FrameResult) -> None:
+        """Add the next image's result."""
         index = len(self.rows)
         self.rows.append(result.row)
         if result.jpeg is not None:

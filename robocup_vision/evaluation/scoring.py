@@ -1,7 +1,6 @@
 """Error and NEES of each image's pose, and the figures over all images.
 
-Ratios are of ALL images, so an image that was not located, could not be read or has no truth never makes a figure
-better.
+Ratios refer to all images, so one that was not located, could not be read or has no truth never improves a figure.
 """
 
 from __future__ import annotations
@@ -25,13 +24,13 @@ NEES_95 = 7.8147  # 95 % quantile of chi-squared with 3 degrees of freedom
 
 @dataclass(frozen=True, slots=True)
 class PoseError:
-    """How far an estimate is from the truth."""
+    """Error of an estimated pose."""
 
     #: estimate minus truth, field frame
     x_m: float
     y_m: float
-    theta_rad: float | None  #: estimate minus truth, wrapped into (-pi, pi]; None where the truth has no heading
-    #: e^T P^-1 e over x, y and theta; infinite where P is singular, None where the truth has no heading
+    theta_rad: float | None  #: estimate minus truth, wrapped into (-pi, pi]; None if the truth has no heading
+    #: e^T P^-1 e over x, y and theta; infinite if P is singular, None if the truth has no heading
     nees: float | None
 
     @property
@@ -50,10 +49,10 @@ def pose_error(estimate: PoseEstimate, truth: Truth | Pose2, *, symmetric: bool)
     Parameters
     ----------
     truth : Truth or Pose2
-        True pose of the robot, or of the camera where `pose_of` is "camera".
+        True pose of the robot, or of the camera if `pose_of` is "camera".
     symmetric : bool
-        Count modulo a half turn about the field's centre: the turn that `Pose2.error_to` takes, or, where the truth has
-        no heading, the nearer one.
+        Whether the error counts modulo a half turn about the field's centre. The turned estimate is used if the sum of
+        its errors (`Pose2.error_to`) is smaller; without a true heading, if its position is nearer.
     """
     turned = estimate.half_turn()
     if symmetric and _distance(turned.pose, truth) < _distance(estimate.pose, truth):
@@ -82,12 +81,12 @@ def _nees(error: np.ndarray[tuple[int], np.dtype[np.float64]], covariance: np.nd
 class SteerResult:
     """The command that a frame led to."""
 
-    target_bearing_rad: float  #: where the robot was to go, robot frame
-    #: how it went, and the command, robot frame
+    target_bearing_rad: float  #: direction to the target, robot frame
+    #: velocity before, and the commanded velocity, robot frame
     velocity_mps: tuple[float, float]
     command_mps: tuple[float, float]
-    safe: bool  #: whether the robot touches nothing that the frame shows
-    reason: str  #: why this command
+    safe: bool  #: whether the robot does not touch anything that the frame shows
+    reason: str  #: why this command was chosen
     time_s: float  #: how long steering took
 
 
@@ -96,26 +95,26 @@ class Row:
     """One image's line in the results."""
 
     image: str
-    estimate: PoseEstimate | None = None  #: none where it was not located
-    truth: Truth | None = None  #: none where it is unknown
-    error: PoseError | None = None  #: none where it was not located or there is no truth
-    time_s: float | None = None  #: how long the localiser took; None where it did not get the image
+    estimate: PoseEstimate | None = None  #: None if it was not located
+    truth: Truth | None = None  #: None if it is unknown
+    error: PoseError | None = None  #: None if it was not located or there is no truth
+    time_s: float | None = None  #: how long the localiser took; None if it did not get the image
     reason: str = ""  #: why it was not located, else empty
     failed: bool = False  #: the image could not be used, or the localiser raised an error
     unreadable: bool = False  #: the image could not be used
-    steering: SteerResult | None = None  #: none where there was no steering by it
-    detections: tuple[Detection, ...] = ()  #: what was reported of the boxes in it, and where no box is
+    steering: SteerResult | None = None  #: None if no command was computed from it
+    detections: tuple[Detection, ...] = ()  #: its boxes, hit or missed, and the false detections
 
     @property
     def status(self) -> Literal["located", "not_located", "unreadable"]:
-        """What became of the image, as results.csv says it."""
+        """Outcome for the image, as in results.csv."""
         if self.unreadable:
             return "unreadable"
         return "not_located" if self.estimate is None else "located"
 
     @property
     def severity(self) -> tuple[float, float]:
-        """Sort key, larger for worse: images that failed, then those not located, then by error, else by residual."""
+        """Sort key, larger is worse: failed images first, then those not located, then by error, else by residual."""
         if self.estimate is None:
             return (3.0 if self.failed else 2.0), 0.0
         if self.error is not None:
@@ -125,14 +124,13 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """The figures over all images; None where nothing was there to compute one from."""
+    """The figures over all images; None if there was nothing to compute one from."""
 
-    #: how many there are, of how many the true place is known, and how many got a pose
+    #: number of images, of those whose true place is known, and of those that got a pose
     images: int
     with_truth: int
     located: int
-    #: ratio of all images, 0 to 1, whose position and heading are that near the truth; None if no image has a truth
-    #: with a heading
+    #: fraction of all images, 0 to 1, with position and heading that near the truth; None without any true heading
     within_5cm_3deg: float | None
     within_10cm_5deg: float | None
     #: over the located images with truth
@@ -141,12 +139,12 @@ class Figures:
     rms_x_m: float | None
     rms_y_m: float | None
     rms_theta_rad: float | None
-    #: over the located images whose truth has a heading, 3 degrees of freedom; None also if a covariance is singular
+    #: over the located images with a true heading, 3 degrees of freedom; None also if a covariance is singular
     nees_mean: float | None
-    #: likewise: the median, and the ratio inside the 95 % bound, which an honest covariance puts at 0.95
+    #: likewise the median, and the fraction within the 95 % bound, which is 0.95 if the covariances are right
     nees_median: float | None
     nees_inside_95: float | None
-    median_ms: float | None  #: over the images that the localiser got
+    median_ms: float | None  #: median time of the localiser, over the images that it got
 
 
 def figures(rows: Sequence[Row]) -> Figures:

@@ -1,7 +1,7 @@
-"""Steering by the frames of a dataset: the command that a robot would have got, how safe it is, and its time.
+"""Steering by the frames of a dataset: the commands that a robot would have got, their safety and computing time.
 
-A recording holds the arguments of each call of `steer`, and the same calls are made again. Without one, each call asks
-for the same direction, at the velocity that the odometry gives.
+A recording contains the arguments of each call of `steer`, and the same calls are repeated. Without a recording each
+call has the same target direction, and the velocity measured by odometry.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from robocup_vision.motion_limits import MotionLimits
 class SteerPlan:
     """How commands are computed from a dataset's frames; can be sent to another process."""
 
-    #: of `Steering`
+    #: as in `Steering`
     robot_radius_m: float
     limits: MotionLimits
     settings: SteeringSettings = SteeringSettings()
-    target_bearing_rad: float = 0.0  #: where the robot is to go, in its own frame, where nothing is recorded
-    #: arguments of `Steering.steer` after the frame taken at a time (s), but for the free space. After other frames
-    #: there is no command. None: nothing is recorded.
+    target_bearing_rad: float = 0.0  #: direction to the target, robot frame, if nothing is recorded
+    #: arguments of `Steering.steer`, without the free space, after the frame of each time (s). After other frames there
+    #: is no command. None: nothing is recorded.
     recorded: Mapping[float, Mapping[str, Any]] | None = field(default=None, repr=False)
 
 
@@ -39,7 +39,7 @@ class FrameSteering:
     Parameters
     ----------
     in_sequence : bool
-        Whether frames follow one another in time; otherwise each is steered by as if it were the first.
+        Whether frames follow one another in time; otherwise each is treated as the first.
     """
 
     def __init__(self, plan: SteerPlan, *, in_sequence: bool) -> None:
@@ -48,7 +48,7 @@ class FrameSteering:
         self._before_s: float | None = None
 
     def steer(self, view: Any, t_s: float | None, odometry: Pose2 | None) -> SteerResult | None:
-        """Steer by the free space of a view; None where a recording has no command after its frame."""
+        """Steer by the free space of a view; None if a recording has no command after its frame."""
         arguments = self._arguments(t_s, odometry)
         self._before_s = t_s
         if arguments is None:
@@ -76,7 +76,7 @@ class FrameSteering:
 
 
 def _velocity_mps(odometry: Pose2 | None, before_s: float | None, t_s: float | None) -> tuple[float, float]:
-    """Return the mean velocity since the frame before, in the robot's frame now; 0 where it is unknown."""
+    """Return the mean velocity since the previous frame, in the present robot frame; 0 if it is unknown."""
     if odometry is None or before_s is None or t_s is None or not t_s > before_s:
         return 0.0, 0.0
     moved = np.array([odometry.x_m, odometry.y_m]) / (t_s - before_s)
@@ -89,8 +89,8 @@ class SteerFigures:
     """The figures over all commands."""
 
     commands: int  #: number of commands
-    safe: int  #: number of those that are safe
-    median_ms: float | None  #: median time of a command; None of none
+    safe: int  #: number of safe ones
+    median_ms: float | None  #: median computing time of a command; None if there are none
 
 
 def steer_figures(results: Sequence[SteerResult]) -> SteerFigures:

@@ -1,4 +1,4 @@
-"""Truth in other units than metres and radians: the readings that its numbers ask for, and the one that fits."""
+"""Detects truth in other units than metres and radians: interpretations suggested by its numbers, and the best one."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ MEND = "write metres and radians"
 
 
 class TruthReading(NamedTuple):
-    """A reading of true poses in other units."""
+    """An interpretation of true poses in other units."""
 
-    words: str  #: the units, to follow "read as"
-    #: metres and radians of one of them
+    words: str  #: text of the units, to follow "read as"
+    #: metres and radians per unit
     length: float
     angle: float
 
     def of(self, truth: Truth) -> Truth:
-        """Return a true pose by this reading."""
+        """Return a true pose, converted by this interpretation."""
         theta = None if truth.theta_rad is None else self.angle * truth.theta_rad
         return Truth(self.length * truth.x_m, self.length * truth.y_m, theta)
 
 
 def other_readings(truth: Mapping[str, Truth], field: Field) -> Iterator[TruthReading]:
-    """Yield the readings in other units that the numbers ask for: far off the field, or of more than a turn."""
+    """Yield interpretations in other units if places are far off the field, or headings exceed a turn."""
     known = truth.values()
     in_degrees = any(abs(one.theta_rad) > math.tau for one in known if one.theta_rad is not None)
     far_m = max((max(abs(one.x_m), abs(one.y_m)) for one in known), default=0.0)
@@ -41,7 +41,7 @@ def other_readings(truth: Mapping[str, Truth], field: Field) -> Iterator[TruthRe
 
 
 def truth_units_note(rows: Sequence[Row], field: Field, *, symmetric: bool) -> str:
-    """Say in what units the truth seems to be; empty where no reading in others fits more of the located images."""
+    """Return a note on the truth's apparent units; empty if no other ones fit more of the located images."""
     truth = {row.image: row.truth for row in rows if row.truth is not None}
     located = [(row.estimate, truth[row.image]) for row in rows if row.estimate is not None and row.image in truth]
 

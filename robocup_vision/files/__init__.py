@@ -1,1 +1,1 @@
-"""Reads and writes files that other programs use as well: images, videos, tables, folders."""
+"""Reads and writes files in common formats: images, videos, tables, folders."""

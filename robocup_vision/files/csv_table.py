@@ -1,4 +1,4 @@
-"""CSV tables read strictly: wrong columns, repeated rows and entries that are not numbers are named by line."""
+"""Reads CSV tables strictly: wrong columns, repeated rows and entries that are not numbers are reported by line."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class CsvRow:
         return value
 
     def number_or_none(self, column: str) -> float | None:
-        """Return a finite number, or None where the entry is empty."""
+        """Return a finite number, or None if the entry is empty."""
         return self.number(column) if self.entries[column] else None
 
 
@@ -53,10 +53,9 @@ def read_csv(
     ignore_others: bool = False,
     repeats: bool = False,
 ) -> list[CsvRow]:
-    """Read a table; its first required column names an image, each image once unless it may repeat.
+    """Read a table. Its first required column names an image, which must be unique unless `repeats`.
 
-    Of the optional columns all or none must be there, of the single ones any may be. Further columns are refused unless
-    they are ignored.
+    All or none of the optional columns must be present, any of the single ones may be; others need `ignore_others`.
 
     Raises
     ------
@@ -113,12 +112,12 @@ def _check_header(
 
 
 def read_poses(path: str | Path, names: Sequence[str]) -> dict[str, Pose2]:
-    """Read a table image,x_m,y_m,theta_rad; rows without a heading, and further columns, are ignored.
+    """Read a table image,x_m,y_m,theta_rad; rows without a heading and further columns are ignored.
 
     Raises
     ------
     FileError
-        If it cannot be read, or names none of the images.
+        If the table cannot be read, or has no pose of any of the images.
     """
     poses = {}
     for row in read_csv(Path(path), ("image", "x_m", "y_m", "theta_rad"), ignore_others=True):

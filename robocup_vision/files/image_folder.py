@@ -1,4 +1,4 @@
-"""Images named on a command line, read one at a time when they are asked for: a thousand of them need no memory."""
+"""Images named on a command line, each read only when it is used, so that even a thousand need no memory."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ _KINDS = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
 
 
 class ImageFiles(Sequence[UInt8Array]):
-    """Image files as a sequence of frames, all of one size: that of the first that can be read unless given.
+    """Image files as a sequence of frames, all of one size: by default that of the first that can be read.
 
-    Of folders the images are taken by name; of a folder without any, and of a dataset's, those of its
-    ``images``.
+    A folder stands for its images in order of their names; a dataset, or a folder without images, for those of its
+    folder ``images``.
 
     Raises
     ------
     FileError
-        If a path does not exist, is no image, or a folder has none.
+        If a path does not exist or is not an image, or a folder has no images.
     FrameError
         If no size is given and none of the files can be read.
     """
@@ -33,7 +33,7 @@ class ImageFiles(Sequence[UInt8Array]):
 
     @property
     def names(self) -> list[str]:
-        """What the files are called."""
+        """Names of the files."""
         return [path.name for path in self.paths]
 
     def __len__(self) -> int:
@@ -52,7 +52,7 @@ class ImageFiles(Sequence[UInt8Array]):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of the files: an EXIF orientation."""
+        """Notes for the user about the files: an EXIF orientation."""
         found = (orientation_note(path.parent, [path.name]) for path in self.paths)
         return next((notes for notes in found if notes), ())
 
@@ -83,7 +83,7 @@ def _image_files(path: Path) -> list[Path]:
 
 
 def picture_folder(path: Path) -> Path:
-    """Return where a folder's images are: in its ``images``, if it is a dataset's or has none itself."""
+    """Return the folder that holds the images: its ``images`` if it is a dataset or has none itself, else itself."""
     inner = path / "images"
     if path.is_dir() and inner.is_dir() and ((path / "dataset.toml").is_file() or not pictures_in(path)):
         return inner
@@ -91,7 +91,7 @@ def picture_folder(path: Path) -> Path:
 
 
 def no_pictures(folder: Path) -> str:
-    """Say that a folder has no images, and which of its folders have some."""
+    """Return the error text for a folder without images; it names subfolders that have some."""
     inner = [entry.name for entry in sorted(folder.iterdir()) if entry.is_dir() and pictures_in(entry)]
     there = f"; there are some in {', '.join(inner[:3])}" if inner else ""
     others = other_pictures(folder)

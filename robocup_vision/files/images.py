@@ -1,8 +1,8 @@
-"""Image files read strictly: a truncated file and a grey or 16-bit image are refused, not repaired in silence.
+"""Reads image files strictly: truncated files and grey or 16-bit images are refused, not silently repaired.
 
 OpenCV returns the part of a truncated PNG or JPEG that it could decode, with the rest grey or black. A localiser must
-not be scored on such an image, so Pillow, which refuses it, reads the file first. OpenCV then decodes the pixels: its
-arrays keep 16 bits and alpha channels, which are refused by name unless they are opaque.
+not be scored on such an image, so Pillow, which refuses it, reads the file first. OpenCV then decodes the pixels. It
+keeps 16 bits and alpha channels, so that they can be refused with a specific error; opaque alpha channels are dropped.
 
 Pixels are taken as they are stored: a camera file describes the sensor, so an EXIF orientation is not applied.
 """
@@ -23,7 +23,7 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.files.output_folder import telling_write_errors
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff")
-# pictures of kinds that are not read
+# suffixes of image formats that are not read
 OTHER_SUFFIXES = (".gif", ".heic", ".heif", ".avif", ".jxl", ".jp2", ".ppm", ".pgm", ".pnm", ".tga", ".dng", ".raw")
 _SIGNATURES = {b"\x89PNG\r\n\x1a\n": "PNG", b"\xff\xd8": "JPEG", b"BM": "BMP", b"II*\0": "TIFF", b"MM\0*": "TIFF"}
 _KINDS = "a PNG, JPEG, BMP, WebP or TIFF file"
@@ -44,7 +44,7 @@ def read_image(path: str | Path, size_px: tuple[int, int] | None = None) -> UInt
 
 
 def file_bytes(path: str | Path) -> bytes:
-    """Return what stands in a file.
+    """Return the bytes of a file.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def file_bytes(path: str | Path) -> bytes:
 
 
 def decode_image(data: bytes, name: str, size_px: tuple[int, int] | None = None) -> UInt8Array:
-    """Decode what stands in an image file, as `read_image` does.
+    """Decode the bytes of an image file, as `read_image` does.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def decode_image(data: bytes, name: str, size_px: tuple[int, int] | None = None)
 
 
 def opaque_bgr(image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16], name: str) -> UInt8Array:
-    """Return an image as OpenCV decodes it, (H, W, 3) uint8, without an alpha channel that hides nothing.
+    """Return an image that OpenCV has decoded as (H, W, 3) uint8, without an opaque alpha channel.
 
     Raises
     ------
@@ -95,17 +95,17 @@ def opaque_bgr(image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16], name: str)
 
 
 def other_pictures(folder: Path) -> list[str]:
-    """Return the names of pictures in a folder of kinds that are not read."""
+    """Return the names of pictures in a folder whose formats are not read."""
     return sorted(entry.name for entry in folder.iterdir() if entry.suffix.lower() in OTHER_SUFFIXES)
 
 
 def orientation_note(folder: Path, names: Iterable[str]) -> tuple[str, ...]:
-    """Say which image of a folder has an EXIF orientation, the first one; nothing where none has."""
+    """Return a note that names the first image with an EXIF orientation; empty if there is none."""
     for name in names:
         try:
             with (folder / name).open("rb") as stream, Image.open(stream) as image:
                 found = image.getexif().get(_EXIF_ORIENTATION, _UPRIGHT)
-        except Exception:  # a file that is no image is refused when it is read
+        except Exception:  # a file that is not an image is refused when it is read
             continue
         if found != _UPRIGHT:
             return (f"{name} has the EXIF orientation {found}, which is not applied: pixels are taken as stored",)
@@ -113,7 +113,7 @@ def orientation_note(folder: Path, names: Iterable[str]) -> tuple[str, ...]:
 
 
 def read_mask(path: str | Path) -> UInt8Array:
-    """Read a mask as (H, W) uint8, 255 where any channel of the file is non-zero (an opaque alpha channel is not).
+    """Read a mask as (H, W) uint8, 255 where any colour channel of the file is non-zero; alpha is ignored.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def read_mask(path: str | Path) -> UInt8Array:
 
 
 def write_png(path: Path, image: UInt8Array) -> None:
-    """Write an image without loss.
+    """Write an image as PNG.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def _damage(data: bytes) -> str | None:
         return "is empty"
     kind = next((kind for signature, kind in _SIGNATURES.items() if data.startswith(signature)), None)
     if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
-        # OpenCV and Pillow repair a cut one
+        # OpenCV and Pillow silently repair a truncated WebP
         kind = "WEBP" if len(data) >= 8 + int.from_bytes(data[4:8], "little") else None
         if kind is None:
             return "is a truncated or damaged WEBP (its end is missing)"
@@ -167,7 +167,7 @@ def _damage(data: bytes) -> str | None:
     try:
         with Image.open(io.BytesIO(data), formats=[kind]) as image:
             count = getattr(image, "n_frames", 1) if kind in ("WEBP", "TIFF") else 1
-            # every reader turns by it, and none can be told not to
+            # every reader applies a TIFF's orientation, and that cannot be switched off
             if kind == "TIFF" and (turn := image.getexif().get(_EXIF_ORIENTATION, _UPRIGHT)) != _UPRIGHT:
                 return f"is a TIFF with the orientation {turn}, must be stored upright (1)"
             # a PNG's checksums reveal any damage; others must be decoded to their end
@@ -189,5 +189,5 @@ def _orientation(data: bytes) -> int:
     try:
         with Image.open(io.BytesIO(data)) as image:
             return int(image.getexif().get(_EXIF_ORIENTATION, _UPRIGHT))
-    except Exception:  # of what Pillow cannot read nothing is known
+    except Exception:  # Pillow cannot read the image, so its orientation is unknown
         return _UPRIGHT

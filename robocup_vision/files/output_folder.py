@@ -1,4 +1,4 @@
-"""Where output files go: a path is checked before the work, a folder holds no files of others, a failed run none."""
+"""Checks output paths before the work begins, and writes output folders completely or not at all."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ _UNFINISHED = ".unfinished"
 
 
 def require_folder(out: str | Path) -> None:
-    """Refuse a file to write whose folder does not exist.
+    """Refuse an output file whose folder does not exist.
 
     Raises
     ------
     FileError
-        If it does not.
+        If the folder does not exist.
     """
     if not Path(out).resolve().parent.is_dir():
         raise FileError(out, "cannot be written: its folder does not exist")
 
 
 def refuse_existing(out: str | Path, *, force: bool) -> None:
-    """Refuse to replace a file that is there, unless that is asked for.
+    """Refuse to replace an existing file unless `force` is set.
 
     Raises
     ------
     FileError
-        If it is there, and may not be replaced.
+        If the file exists, and may not be replaced.
     """
     if not force and Path(out).exists():
         raise FileError(out, "is there already, nothing was written: choose another name, or replace it with --force")
@@ -41,12 +41,12 @@ def refuse_existing(out: str | Path, *, force: bool) -> None:
 
 @contextmanager
 def telling_write_errors(path: str | Path) -> Iterator[None]:
-    """Turn the system's errors of a block into one that names what cannot be written.
+    """Replace an OSError in a block by an error that names the path that cannot be written.
 
     Raises
     ------
     FileError
-        In place of an OSError.
+        Instead of an OSError.
     """
     try:
         yield
@@ -55,15 +55,14 @@ def telling_write_errors(path: str | Path) -> Iterator[None]:
 
 
 def refuse_foreign_files(folder: Path, own: Sequence[str]) -> None:
-    """Refuse a folder, which may be absent, in which another program, or the user, keeps files.
+    """Refuse a folder with files of other programs or of the user; the folder may be absent.
 
-    Its own files are those whose names match one of `own`, in which ``*`` stands for any text. Hidden files count as
-    nobody's.
+    Own files are those whose names match one of `own`, in which ``*`` stands for any text. Hidden files are ignored.
 
     Raises
     ------
     FileError
-        If there are other files, or it is no folder.
+        If there are other files, or it is not a folder.
     """
     if not folder.exists():
         return
@@ -86,7 +85,7 @@ def require_empty_folder(folder: Path) -> None:
     Raises
     ------
     ArgumentError
-        If it holds anything, or is a file.
+        If there is anything in it, or it is a file.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ArgumentError(f"{folder} is not an empty folder; nothing was written")
@@ -94,10 +93,10 @@ def require_empty_folder(folder: Path) -> None:
 
 @contextmanager
 def written_at_once(folder: Path, own: Sequence[str]) -> Iterator[Path]:
-    """Yield an empty folder to write into; its content goes to `folder` at the end of the block.
+    """Yield an empty folder to write into, whose content is moved to `folder` at the end of the block.
 
-    Where the block fails, `folder` is as it was. It is made if missing, with those it lies in. Files of an earlier run,
-    those of the names in `own` (`refuse_foreign_files`), are replaced or deleted at the end.
+    If the block fails, `folder` is left unchanged. If missing, it is made with its parents. Files of an earlier run,
+    whose names match `own` (see `refuse_foreign_files`), are replaced or deleted at the end.
 
     Raises
     ------
@@ -105,7 +104,7 @@ def written_at_once(folder: Path, own: Sequence[str]) -> Iterator[Path]:
         If it cannot be written.
     """
     made = [parent for parent in (folder, *folder.parents) if not parent.exists()]
-    # in the same file system as the result, whatever is mounted where
+    # in the same file system as the result, so that files can be renamed
     work = (folder.parent if made else folder) / f"{_UNFINISHED}-{folder.name}-{os.getpid()}"
     done = False
     try:
@@ -117,7 +116,7 @@ def written_at_once(folder: Path, own: Sequence[str]) -> Iterator[Path]:
             path = _final_path(error.path, work, folder)
             raise FileError(path, error.problem, key=error.key, value=error.value, hint=error.hint) from None
         except OSError as error:
-            # what a block reads it tells by errors of its own
+            # errors of reading are reported by other exceptions
             path = _final_path(Path(error.filename), work, folder) if isinstance(error.filename, str) else folder
             raise FileError(path, f"cannot be written ({error.strerror or error})") from None
         with telling_write_errors(folder):
@@ -135,7 +134,7 @@ def written_at_once(folder: Path, own: Sequence[str]) -> Iterator[Path]:
 
 
 def _final_path(path: Path, work: Path, folder: Path) -> Path:
-    """Return where a file of `work` will lie, which is the name that the user knows."""
+    """Return the final path of a file in `work`, which is the one that the user knows."""
     return folder / path.relative_to(work) if path.is_relative_to(work) else path
 
 

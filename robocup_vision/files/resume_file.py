@@ -1,4 +1,4 @@
-"""Keeps the results of a long run as they come, so that an interrupted or killed run can be gone on with."""
+"""Keeps the results of a long run in a file, so that an interrupted or killed run can be resumed."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _DAMAGED = "is damaged; begin anew without --resume"
 
 
 class ResumeFile(Closing):
-    """One value for each finished piece of a run, as JSON in a line of its own; the first line says of which run.
+    """The result of each finished piece of a run as a line of JSON; the first line identifies the run.
 
-    It is made with the folders it lies in. With `resume` the run in the file is gone on with, if there is one: `found`
-    then holds by number of the piece what was finished before, but for a last line that was cut off.
+    The file is made with its parent folders. With `resume` the run in the file is continued, if there is one: `found`
+    then has the earlier results by the piece's number, without a last line that was cut off.
 
     Parameters
     ----------
     run : mapping of str to JSON values
-        What the results depend on.
+        Everything that the results depend on.
     codec : ValueCodec, optional
-        Turns results into JSON values and back; results are JSON values unless given.
+        Converts results to JSON values and back; by default results must be JSON values.
 
     Raises
     ------
@@ -70,7 +70,7 @@ class ResumeFile(Closing):
             raise FileError(self.path, _DAMAGED) from None
 
     def add(self, index: int, value: Any) -> None:
-        """Keep the result of a piece, whatever happens to this process next."""
+        """Write the result of a piece, so that it is kept even if this process ends."""
         self._write_piece(index, value)
         self._stream.flush()
 
@@ -82,11 +82,11 @@ class ResumeFile(Closing):
             self._stream.write(json.dumps(value, allow_nan=False, default=_base64) + "\n")
 
     def close(self) -> None:
-        """Close the file, which stays."""
+        """Close the file without deleting it."""
         self._stream.close()
 
     def delete(self) -> None:
-        """Delete the file: the run is finished."""
+        """Delete the file, after the run is finished."""
         self.close()
         self.path.unlink(missing_ok=True)
 

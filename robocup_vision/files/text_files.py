@@ -1,6 +1,6 @@
-"""Reads and writes text files, and names the file where it cannot be read or written.
+"""Reads and writes text files, with errors that name the file.
 
-Camera and rig files are TOML of plain values.
+Also formats plain values as TOML, for camera and rig files.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def read_text(path: str | Path) -> str:
 
 
 def toml_lines(values: Mapping[str, Any]) -> list[str]:
-    """Return a line ``key = value`` for each number, truth value, text or sequence of these; None is left out."""
+    """Return a line ``key = value`` for each number, Boolean, text or sequence of these; None is omitted."""
     return [f"{key} = {_toml(value)}" for key, value in values.items() if value is not None]
 
 
@@ -53,12 +53,12 @@ def write_text(path: str | Path, text: str) -> None:
         If the file cannot be written.
     """
     with telling_write_errors(path):
-        # the name of a file, which a text may hold, may be no text
+        # a file name in the text may not be valid Unicode
         Path(path).write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def write_lines(path: str | Path, lines: Iterable[str]) -> None:
-    """Write lines, each with its end; raises as `write_text` does."""
+    """Write lines, each with a line end; raises as `write_text` does."""
     write_text(path, "".join(f"{line}\n" for line in lines))
 
 

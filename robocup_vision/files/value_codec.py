@@ -20,13 +20,13 @@ from field_models.errors import ArgumentError, PacketError, RobocupVisionError
 
 
 class ValueCodec:
-    """Turns values into bytes and back.
+    """Converts values to bytes and back.
 
     Parameters
     ----------
     types : mapping of str to str
-        Dataclasses and named tuples that are written by name: class name to module. Fields that a dataclass's __init__
-        does not take are its state, and are left out.
+        Dataclasses and named tuples that are written by name: class name to module. Fields that are not parameters of a
+        dataclass's __init__ are not written.
     """
 
     def __init__(self, types: Mapping[str, str]) -> None:
@@ -37,21 +37,21 @@ class ValueCodec:
         return msgspec.msgpack.encode(self.to_plain(value))
 
     def unpack(self, data: bytes) -> Any:
-        """Return the value that `pack` was given.
+        """Return the value that was packed.
 
         Raises
         ------
         PacketError
-            If the bytes are no such value.
+            If the bytes are not a packed value.
         """
         return self._decoded(msgspec.msgpack.decode, data)
 
     def to_json(self, value: Any) -> bytes:
-        """Return a value as JSON: what a person may want to read."""
+        """Return a value as JSON, which a person can read."""
         return msgspec.json.format(msgspec.json.encode(self.to_plain(value)), indent=1)
 
     def from_json(self, data: bytes) -> Any:
-        """Return the value that `to_json` was given; raises as `unpack`."""
+        """Return the value that was written as JSON; raises as `unpack`."""
         return self._decoded(msgspec.json.decode, data)
 
     def _decoded(self, decode: Callable[[bytes], Any], data: bytes) -> Any:
@@ -67,7 +67,7 @@ class ValueCodec:
         Raises
         ------
         ArgumentError
-            If it is of a class that is not in the table.
+            If the value, or one inside it, is of a class that is not in the table.
         """
         if value is None or isinstance(value, bool | str):
             return value
@@ -99,12 +99,12 @@ class ValueCodec:
         return {"class": name, "fields": {field: self.to_plain(getattr(value, field)) for field in names}}
 
     def from_plain(self, plain: Any) -> Any:
-        """Return the value that `to_plain` was given; sequences come back as tuples, arrays read-only.
+        """Return the value that was made plain; sequences come back as tuples, arrays read-only.
 
         Raises
         ------
         PacketError
-            If it is no such value.
+            If it is not the result of `to_plain`.
         """
         try:
             return self._value(plain)
@@ -131,5 +131,5 @@ class ValueCodec:
 
 
 def _raw(data: bytes | str) -> bytes:
-    """Return bytes, of which JSON has the base64."""
+    """Return bytes; JSON has them in base64."""
     return base64.b64decode(data, validate=True) if isinstance(data, str) else data

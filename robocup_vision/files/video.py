@@ -1,4 +1,4 @@
-"""Video files read one frame at a time, in order: seeking is not exact in most containers, so nobody seeks."""
+"""Reads video files one frame at a time, in order: seeking is not used, because it is not exact in most containers."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from robocup_vision.arrays import UInt8Array
 
 @dataclass(frozen=True, slots=True)
 class VideoInfo:
-    """What a video holds, found by decoding it: containers only estimate how many frames there are."""
+    """Content of a video, found by decoding it, because containers only estimate the number of frames."""
 
     announced: int  #: number of frames that its header announces
-    #: when each frame is shown, seconds from the beginning, strictly increasing; empty where it is no video
+    #: time at which each frame is shown, from the beginning, strictly increasing; empty if it is not a video
     times_s: tuple[float, ...]
-    has_times: bool = True  #: false where it tells no times: `times_s` then counts frames
-    turn_deg: int = 0  #: how far its header says that the frames are to be turned for people; it is not done
+    has_times: bool = True  #: false if the file contains neither times nor a rate: `times_s` then counts frames
+    turn_deg: int = 0  #: rotation for display that its header specifies; it is not applied
 
 
 def open_video(path: str | Path) -> cv2.VideoCapture:
-    """Open a video whose frames are taken as they are stored: an orientation in its header is not applied."""
+    """Open a video to read its frames as stored; an orientation in its header is not applied."""
     capture = cv2.VideoCapture(str(path))
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0.0)
     return capture
 
 
 def video_info(path: str | Path) -> VideoInfo:
-    """Return how many frames of a file can be decoded, and when each is shown; none if it is no video."""
+    """Return the times of all frames of a file that can be decoded; there are none if it is not a video."""
     capture = open_video(path)
     try:
         shown_s = []
@@ -52,7 +52,7 @@ def video_info(path: str | Path) -> VideoInfo:
 
 
 def read_video(path: str | Path, count: int, size_px: tuple[int, int]) -> Iterator[UInt8Array | FrameError]:
-    """Yield `count` frames, (H, W, 3) uint8 BGR, or the error in place of one that cannot be used."""
+    """Yield `count` frames, (H, W, 3) uint8 BGR, or the error instead of one that cannot be used."""
     capture = open_video(path)
     try:
         for index in range(count):

@@ -1,4 +1,4 @@
-"""Serves what a robot sees to the Foxglove viewer, by the topics of a recording; extra `foxglove`."""
+"""Serves what a robot sees to the Foxglove viewer, with the same topics as a recording; extra `foxglove`."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""A WebSocket server for the Foxglove viewer: topics of ROS 2 messages, live; the robot's loop never waits for it."""
+"""A WebSocket server for the Foxglove viewer, with live ROS 2 messages; the robot's loop never waits for it."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ NAME = "robocup-vision"
 
 
 class FoxgloveServer(Closing):
-    """Serves one robot's frames and what they show.
+    """Serves one robot's frames and what was seen in them.
 
     Parameters
     ----------
     port : int
-        Of the server; 0: any free one.
+        Port of the server; 0: any free one.
     host : str
-        Address it listens on; default: this machine alone.
+        Address to listen on; only programs of this machine reach the default.
     settings : TopicSettings
         Topics that are sent; frames as JPEG by default.
 
@@ -68,7 +68,7 @@ class FoxgloveServer(Closing):
         self._context = foxglove.Context()
         self._topics = Topics(field, camera, settings)
         self._prefix = settings.prefix
-        # announced before anybody listens: a viewer sees all topics at once
+        # topics are announced before the first viewer connects, so that it sees all of them at once
         image = "/camera/image" if settings.image_format == "raw" else "/camera/image/compressed"
         topics = (topic for topic in TOPIC_TYPES if not topic.startswith(("/camera/image", "/truth")))
         self._channels = {topic: self._channel(settings.prefix, topic) for topic in (image, *topics)}
@@ -88,7 +88,7 @@ class FoxgloveServer(Closing):
 
     @property
     def skipped(self) -> int:
-        """How many frames were not sent because a newer one came first."""
+        """Number of frames that were not sent because a newer one came first."""
         return self._skipped
 
     @property
@@ -104,22 +104,22 @@ class FoxgloveServer(Closing):
         odometry: Pose2 | None = None,
         command: SteeringCommand | None = None,
     ) -> None:
-        """Send a frame, what it shows, and the command; the newest counts, older ones that still wait are left out.
+        """Send a frame, what was seen in it, and the command. A frame that is still waiting is replaced and skipped.
 
         Parameters
         ----------
         frame : (H, W, 3) uint8
             BGR; copied.
         t_s : float, optional
-            When it was taken; default: as the view says, else now.
+            Time at which it was taken; default: the view's time, else now.
         odometry : Pose2, optional
-            The robot's motion since the frame before, in its frame then.
+            The robot's motion since the previous frame, in the robot frame at that time.
         """
         at_s = t_s if t_s is not None else view.t_s if view.t_s is not None else time.time()
         copied = cast("UInt8Array", frame.copy())
         with self._changed:
             if odometry is not None:
-                # motion of frames that are left out is not
+                # the motion of skipped frames is kept
                 self._moved = odometry if self._moved is None else self._moved.compose(odometry)
             if self._frame is not None:
                 self._skipped += 1
@@ -134,7 +134,7 @@ class FoxgloveServer(Closing):
             self._changed.notify()
 
     def close(self) -> None:
-        """Send what waits, and stop the server."""
+        """Send the waiting frame, and stop the server."""
         with self._changed:
             if self._is_closing:
                 return
@@ -155,7 +155,7 @@ class FoxgloveServer(Closing):
                 for outgoing in messages():
                     self._send(outgoing)
                 self._problem = ""
-            except Exception as error:  # what cannot be shown must not stop the robot
+            except Exception as error:  # a frame that cannot be shown must not stop the robot
                 self._problem = f"{type(error).__name__}: {' '.join(str(error).split())}"
 
     def _send(self, outgoing: Outgoing) -> None:

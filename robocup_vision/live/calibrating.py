@@ -1,6 +1,6 @@
-"""Calibrates a camera from the page: collects frames, makes camera.toml by them, and shows what `check` finds.
+"""Calibrates a camera from the page: collects frames, writes camera.toml, and shows what `check` finds.
 
-Frames go to a folder that is a dataset in the end, so that everything can be done again by the commands.
+Frames are written to a folder that becomes a dataset, so that everything can be repeated with the commands.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from robocup_vision.files.text_files import write_lines
 from robocup_vision.live.handover.moment import Display, RobotSetup
 from robocup_vision.live.page.saving import new_folder
 
-# a calibration takes two dozen frames of those there are; the robot should move between two of them
+# a calibration uses two dozen of the collected frames; the robot should move from each to the next
 MAX_FRAMES, _EVERY_S = 60, 0.5
-# frames that differ by less than this, counts on average over a small picture, show the same place: noise is less
+# frames whose thumbnails differ by less than this mean of grey levels show the same place; noise is smaller
 _THUMBNAIL_PX, _SAME_PLACE = (32, 24), 2.0
 _KINDS = {"omni": "mirror camera", "pinhole": "forward camera"}
 
@@ -58,7 +58,7 @@ class Calibrator:
 
     @property
     def status(self) -> dict[str, Any]:
-        """What the page shows."""
+        """State of the calibration, as the page shows it."""
         return {
             "text": self._text,
             "collecting": self._collecting,
@@ -68,12 +68,12 @@ class Calibrator:
         }
 
     def collect(self, on: bool) -> None:
-        """Begin or end collecting."""
+        """Start or stop collecting."""
         self._collecting = on
         self._tell(self._collected())
 
     def add(self, frame: UInt8Array) -> None:
-        """Keep a frame, if frames are collected and it shows another place than the last one; runs in the loop."""
+        """Keep a frame if frames are collected and it shows another place than the last one; called in the loop."""
         if not self._collecting or self._busy:
             return
         now_s = time.monotonic()
@@ -91,9 +91,9 @@ class Calibrator:
         self._jobs.put(lambda: self._keep(frame))
 
     def calibrate(self, kind: str) -> None:
-        """Calibrate a camera of a kind by the collected frames.
+        """Calibrate a camera of a kind from the collected frames.
 
-        Raises ArgumentError if there are none, or it is busy.
+        Raises ArgumentError if there are none, or a calibration is running.
         """
         if self._busy:
             raise ArgumentError("a calibration is under way")
@@ -105,7 +105,7 @@ class Calibrator:
         self._jobs.put(lambda: self._calibrate(kind))
 
     def close(self) -> None:
-        """End the thread after what it does now."""
+        """End the thread after the jobs it has."""
         self._jobs.put(None)
 
     def _work(self) -> None:

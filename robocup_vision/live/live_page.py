@@ -1,7 +1,7 @@
-"""The robot's side of the page: hands moments to the page's own process, and obeys what pages ask for.
+"""The robot's side of the page: hands moments to the page's own process, and executes the pages' requests.
 
-A moment costs the robot's loop one copy of the frame and a tenth of a millisecond for the rest. Where the page's
-process is late, moments are left out, and counted: the loop never waits.
+A moment takes the robot's loop one copy of the frame and a tenth of a millisecond for the rest. If the page's process
+is late, moments are dropped and counted: the loop never waits.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from robocup_vision.live.handover.frame_slots import MAX_SLOTS, FrameSlots, Hand
 from robocup_vision.live.handover.moment import Moment, MomentWriter, RobotSetup
 from robocup_vision.live.handover.page_settings import FeedSettings, require_packages
 
-# beside one for each robot: they bear a hiccup of the page's process
+# slots beside one for each robot, so that short delays of the page's process drop no moments
 _SPARE_SLOTS = 2
-# room beside the frame for all else that is seen; memory is taken only where something is written
+# memory in a slot beside the frame; the operating system allocates only the pages that are written
 _ROOM_BYTES = 8 << 20
 _START_S, _STOP_S = 60.0, 5.0
 
 
 class LivePage:
-    """Starts the page's process, and ends it; the methods of `controls` are called in a thread of this object.
+    """Starts and ends the page's process; the methods of `controls` are called in a thread of this object.
 
     Raises
     ------
@@ -77,7 +77,7 @@ class LivePage:
 
     def _begin(self, from_page: IO[bytes], settings: FeedSettings, out: Path, port: int, host: str) -> tuple[str, bool]:
         self._tell("begin", settings, str(out), port, host)
-        # a process that hangs at its start is ended
+        # a process that does not answer in time is killed
         watch = threading.Timer(_START_S, self._process.kill)
         watch.start()
         try:
@@ -97,7 +97,7 @@ class LivePage:
 
     @property
     def process_id(self) -> int:
-        """The page's own process."""
+        """Process id of the page's process."""
         return self._process.pid
 
     @property
@@ -106,7 +106,7 @@ class LivePage:
         return not self._closed and self._process.poll() is None
 
     def set_robots(self, setups: tuple[RobotSetup, ...]) -> None:
-        """Show these robots, and forget all others; tells what the controls offer, too."""
+        """Show these robots and no others; also send what the controls offer."""
         with self._lock:
             self._epoch += 1
             self._writers = {setup.name: MomentWriter() for setup in setups}
@@ -115,7 +115,7 @@ class LivePage:
             self._tell("robots", setups, self._controls.offers, self._epoch)
 
     def put(self, moment: Moment) -> None:
-        """Hand a moment over: its frame is copied. Raises ArgumentError if its robot is not known."""
+        """Hand over a moment; its frame is copied. Raises ArgumentError if its robot is not known."""
         robot, frame = moment.robot, moment.frame
         with self._lock:
             writer = self._writers.get(robot)
@@ -135,7 +135,7 @@ class LivePage:
             self._dropped[robot] += 1
 
     def wait_until_made(self, timeout_s: float) -> bool:
-        """Wait until all that was handed over can be seen; return whether that is so."""
+        """Wait until the page's process has drawn all moments handed over; return False at the timeout."""
         number = next(self._numbers)
         with self._lock:
             self._tell("sync", number)
@@ -143,17 +143,17 @@ class LivePage:
             return self._synced.wait_for(lambda: self._last_synced >= number or self._closed, timeout_s)
 
     def forget(self) -> None:
-        """Forget all moments: the source has gone to another time."""
+        """Forget all moments, because the source has jumped to another time."""
         with self._lock:
             self._tell("forget")
 
     def say(self, line: str) -> None:
-        """Show a line in the pages."""
+        """Show a line of text on the pages."""
         with self._lock:
             self._tell("say", line)
 
     def set_status(self, **changes: Any) -> None:
-        """Change what the pages show of the run: plain values by name."""
+        """Change the run's status on the pages: plain values by name."""
         with self._lock:
             new = {name: value for name, value in changes.items() if self._status.get(name, ...) != value}
             if new:
@@ -191,7 +191,7 @@ class LivePage:
         try:
             write_message(self._to_page, message)
         except (OSError, ValueError):
-            # the robot goes on without a page
+            # the robot continues without a page
             self._closed = True
             print("robocup-vision live: the page's process has ended; the robot goes on", file=sys.stderr)
 

@@ -1,4 +1,4 @@
-"""What `robocup-vision live` runs: loops over sources, and all that a page may ask of them."""
+"""Runs `robocup-vision live`: loops over sources, and the controls that a page may use."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ if TYPE_CHECKING:
 
 
 class LiveRun(Controls):
-    """Runs sources, several side by side.
+    """Runs one or several sources at the same time.
 
     Parameters
     ----------
     make_display : callable
-        Returns what shows the moments and asks these controls for what pages want.
+        Returns the display, which shows the moments and passes the pages' requests to these controls.
     sources : sequence of Source
-        What is shown first; closed at the end.
+        The sources that are shown first; closed at the end.
     out : Path
         Folder for recordings and calibrations.
     folder : Path, optional
-        Its recordings, and nothing else, may be opened by a page.
+        A page may open the recordings in this folder, and no other files.
     quiet : bool
-        Say nothing on standard error: pages alone tell.
+        Print nothing on standard error; messages appear only on the pages.
     also_watch : callable, optional
         Called with each frame and its moment, in the loops' threads.
 
     Raises
     ------
     RobocupVisionError
-        If two robots have one name, or a source cannot be looked at as was asked.
+        If two robots have the same name, or the `Vision` of a source's robot cannot be made.
     """
 
     def __init__(
@@ -107,7 +107,7 @@ class LiveRun(Controls):
         self._tell()
 
     def _use_camera(self, setup: RobotSetup) -> None:
-        """Go on with a camera that has just been calibrated."""
+        """Use a camera that has just been calibrated from now on."""
         with self._lock:
             loop = self._loops[0]
             vision = loop.source.make_vision(setup)
@@ -117,48 +117,48 @@ class LiveRun(Controls):
                 self._display.set_robots((setup,))
 
     def start(self, *, seek_s: float | None = None) -> None:
-        """Begin to read the sources; with a time to go there and stand still."""
+        """Start reading the sources; with a time, seek to it and pause there."""
         for loop in self._loops:
             loop.start(seek_s=seek_s)
         self._paused = seek_s is not None
         self._tell()
 
     def say(self, line: str) -> None:
-        """Say a line in the pages and on standard error."""
+        """Show a line on the pages and on standard error."""
         self._display.say(line)
         if not self._quiet:
             print(f"robocup-vision live: {line}", file=sys.stderr, flush=True)
 
     def pause(self, on: bool) -> None:
-        """Stand still, or go on."""
+        """Pause, or continue."""
         self._paused = on
         for loop in self._loops:
             loop.pause(on)
         self._tell()
 
     def step(self) -> None:
-        """Take one more frame of each source while standing still."""
+        """Show one more frame of each source while paused."""
         for loop in self._loops:
             loop.step()
 
     def seek(self, t_s: float) -> None:
-        """Go to a time, and stand still there."""
+        """Seek to a time, and pause there."""
         self._paused = True
         for loop in self._loops:
             loop.seek(t_s)
         self._tell()
 
     def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
-        """Put a robot of a simulation, or its ball, elsewhere."""
+        """Move a robot or the ball of a simulation."""
         self._loops[0].place(thing, x_m, y_m, theta_rad)
 
     def open(self, recording: str, t_s: float) -> None:
-        """Open another recording of the folder.
+        """Open another recording of the folder, and pause at a time.
 
-        Raises RobocupVisionError if there is no such one, or it cannot be read.
+        Raises RobocupVisionError if there is no such recording, or it cannot be read.
         """
         assert self._folder is not None
-        # by comparison with what is there: no text of a page becomes a path
+        # the name is compared with the existing files and never used as a path, since it comes from a page
         known = {name: self._folder / name for name in recordings_in(self._folder)}
         if recording not in known:
             raise ArgumentError(f"there is no recording {recording!r} in this folder")
@@ -170,7 +170,7 @@ class LiveRun(Controls):
             self.start(seek_s=t_s)
 
     def record(self, on: bool) -> None:
-        """Begin or end recording all robots.
+        """Start or stop recording all robots.
 
         Raises RobocupVisionError if files cannot be written, or an extra is missing.
         """
@@ -181,17 +181,17 @@ class LiveRun(Controls):
                 self._end_recording()
 
     def record_to(self, path: Path) -> None:
-        """Begin to record to a file; raises as `record`."""
+        """Start recording to a file; raises as `record`."""
         with self._lock:
             self._begin_recording(path)
 
     def collect(self, on: bool) -> None:
-        """Begin or end collecting frames for a calibration."""
+        """Start or stop collecting frames for a calibration."""
         assert self._calibrator is not None
         self._calibrator.collect(on)
 
     def calibrate(self, kind: str) -> None:
-        """Calibrate by the collected frames, and go on with the new camera."""
+        """Calibrate by the collected frames, and then use the new camera."""
         assert self._calibrator is not None
         self._calibrator.calibrate(kind)
 
@@ -216,7 +216,7 @@ class LiveRun(Controls):
         self._display.set_status(problem=problem, ended=ended, paused=self._paused, recording=recording)
 
     def _watch(self, frame: SourceFrame, moment: Moment) -> None:
-        """Record and collect; runs in the loops' threads."""
+        """Record a frame, and offer it to the calibration; called in the loops' threads."""
         if self._calibrator is not None:
             self._calibrator.add(frame.frame)
         if self._also_watch is not None:

@@ -1,4 +1,4 @@
-"""The page for a robot's own program: `Viewer.show` in its loop."""
+"""The live page for a robot's own program, which calls `Viewer.show` in its loop."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from robocup_vision.vision import Vision
 
 
 class Viewer(Controls, Closing):
-    """Serves a page that shows what a robot sees, while its loop goes on.
+    """Serves a page that shows what a robot sees, without blocking its loop.
 
-    `show` copies the frame and returns; a process of its own makes pictures and serves pages. Frames that come faster
-    than pictures can be made are left out. Making the object takes some seconds: that process must start.
+    `show` copies the frame and returns; another process makes the pictures and serves the page. Frames that come faster
+    than pictures can be made are skipped. Creating the object takes some seconds, because that process must start.
 
     Parameters
     ----------
     port : int
-        Of the page; 0: any free one, see `address`.
+        Port of the page; 0: any free one, see `address`.
     host : str
-        Address to listen on: only programs of this machine reach the default. With another address everybody in that
+        Address to listen on: only programs of this machine reach the default. With another address, anyone in that
         network can watch.
     radius_m : float, optional
-        The robot's size from above; default: as its league's robots are.
+        Radius of the robot's outline from above; default: that of its league's robots.
     out : str or Path
-        Folder for frames that are saved by the page.
+        Folder for frames that are saved from the page.
 
     Raises
     ------
@@ -78,7 +78,7 @@ class Viewer(Controls, Closing):
 
     @property
     def address(self) -> str:
-        """Where the page is."""
+        """Address of the page."""
         return self._page.address
 
     @property
@@ -100,20 +100,20 @@ class Viewer(Controls, Closing):
         Parameters
         ----------
         frame : (H, W, 3) uint8
-            BGR. Of a rig its frames: the first that is one is shown.
+            BGR. For a rig a sequence of its frames, of which the first that is not None is shown.
         command : (float, float, float), optional
             Commanded velocity in the robot frame: forward and left in m/s, turn in rad/s.
         way : sequence of (float, float)
             Points that the robot drives to, field frame, metres.
         reasons : sequence of str
-            Why, in words.
+            Reasons for the command, as text.
 
         Raises
         ------
         FrameError
             If the frame has another type or shape.
         ArgumentError
-            If the command has not three numbers.
+            If the command does not have three numbers.
         """
         if isinstance(view, RigView):
             if not isinstance(frame, (tuple, list)) or len(frame) != len(view.views):
@@ -148,11 +148,11 @@ class Viewer(Controls, Closing):
 
     @property
     def process_id(self) -> int:
-        """The page's own process."""
+        """Id of the page's process."""
         return self._page.process_id
 
     def wait(self, timeout_s: float = 5.0) -> bool:
-        """Wait until all that was shown can be seen; return whether that is so. Not for a robot's loop."""
+        """Wait until all shown moments are visible; return whether they are. Not for use in a robot's loop."""
         return self._page.wait_until_made(timeout_s)
 
     def say(self, line: str) -> None:
@@ -160,5 +160,5 @@ class Viewer(Controls, Closing):
         self._page.say(line)
 
     def close(self) -> None:
-        """End the page."""
+        """Stop serving the page."""
         self._page.close()

@@ -1,1 +1,1 @@
-"""ROS 2 messages of what `Vision`, `Memory` and `Steering` estimate; needs the extra `ros`, but no ROS installation."""
+"""ROS 2 messages for the results of `Vision`, `Memory` and `Steering`; needs the extra `ros`, but not ROS itself."""

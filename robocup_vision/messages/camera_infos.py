@@ -1,4 +1,4 @@
-"""sensor_msgs/CameraInfo: of our cameras, and what another one's says against a camera file."""
+"""Makes sensor_msgs/CameraInfo of our cameras, and compares received ones with a camera file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.camera.pinhole import PinholeCamera
 from robocup_vision.messages.types import header, make
 
-# a pixel that lies farther from where the camera file puts it, in parts of the image's width, is another lens's
+# largest distance of a point between two descriptions of the same lens, as a fraction of the image's width
 _SAME_LENS = 0.005
 _GRID = 9
 _BROWN, _FISHEYE = ("plumb_bob", "rational_polynomial"), ("equidistant", "fisheye")
@@ -34,7 +34,7 @@ def camera_info(camera: OmniCamera | PinholeCamera, t_s: float, frame_id: str) -
 
 
 def _lens_of(camera: PinholeCamera) -> tuple[FloatArray, str]:
-    """Return the coefficients and the distortion model; none of a projection that ROS does not know."""
+    """Return the coefficients and the distortion model; both empty for a projection that ROS does not know."""
     if isinstance(camera, FisheyeCamera):
         known = camera.projection != "equisolid"
         return np.array(camera.coefficients if known else ()), "equidistant" if known else ""
@@ -44,11 +44,11 @@ def _lens_of(camera: PinholeCamera) -> tuple[FloatArray, str]:
 
 
 def camera_info_problem(message: Any, camera: OmniCamera | PinholeCamera) -> str:
-    """Say how a sensor_msgs/CameraInfo differs from a camera file; empty where it does not.
+    """Return how a sensor_msgs/CameraInfo differs from a camera file; empty if it does not.
 
-    Size, focal length and centre are those of the images that come: of the region of interest, after binning. A lens is
-    compared by where it shows what the camera file's shows at the same pixels. Of a mirror camera the size alone can be
-    compared, and a camera_info whose focal length is 0 says that nobody has calibrated it.
+    Size, focal length and centre are compared for the received images, with region of interest and binning. Lenses are
+    compared by where both project the same points. For a mirror camera, and if the focal length of the camera_info is
+    0, which means that it is not calibrated, only the size is compared.
     """
     binning = np.array([max(int(message.binning_x), 1), max(int(message.binning_y), 1)])
     roi, begin_px = message.roi, np.zeros(2)
@@ -89,12 +89,12 @@ def camera_info_problem(message: Any, camera: OmniCamera | PinholeCamera) -> str
 def _apart_px(
     camera: PinholeCamera, focal_px: FloatArray, center_px: FloatArray, d: FloatArray, *, is_fisheye: bool
 ) -> float:
-    """Return how far a lens shows points at most from where the camera shows them."""
+    """Return the largest distance between the projections of a point by a lens and by the camera."""
     width, height = camera.size_px
     u, v = np.meshgrid(np.linspace(0.0, width - 1.0, _GRID), np.linspace(0.0, height - 1.0, _GRID))
     pixels = np.stack([u.ravel(), v.ravel()], axis=1)
     ray = camera.pixel_to_camera_ray(pixels)
-    # OpenCV projects what lies ahead
+    # OpenCV can only project points in front of the camera
     seen = np.isfinite(ray).all(axis=1) & (ray[:, 0] > 0.05)
     # in the axes of OpenCV: right, down, ahead
     points = np.ascontiguousarray(ray[seen][:, [1, 2, 0]] * (-1.0, -1.0, 1.0))[:, None]

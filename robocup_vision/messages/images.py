@@ -1,4 +1,4 @@
-"""Camera frames as ROS images, and back: raw in any encoding that names its channels, or compressed."""
+"""Converts camera frames to ROS images, and back: raw in any encoding that names its channels, or compressed."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ImageFormat = Literal["raw", "png", "jpeg"]
 _JPEG_BEGIN, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 IMAGE_FORMATS: tuple[ImageFormat, ...] = ("raw", "png", "jpeg")
 
-# by encoding: bytes a pixel, and OpenCV's conversion to BGR (None: it is BGR)
+# by encoding: bytes per pixel, and OpenCV's conversion to BGR (None: it is BGR)
 _ENCODINGS: dict[str, tuple[int, int | None]] = {
     "bgr8": (3, None),
     "rgb8": (3, cv2.COLOR_RGB2BGR),
@@ -27,7 +27,7 @@ _ENCODINGS: dict[str, tuple[int, int | None]] = {
     "uyvy": (2, cv2.COLOR_YUV2BGR_UYVY),
     "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUY2),
     "yuyv": (2, cv2.COLOR_YUV2BGR_YUY2),
-    # ROS names a Bayer pattern by its first two pixels, OpenCV by the second row's second and third
+    # ROS names a Bayer pattern by its first pixels, OpenCV by the second and third pixel of the second row
     "bayer_rggb8": (1, cv2.COLOR_BayerBG2BGR),
     "bayer_bggr8": (1, cv2.COLOR_BayerRG2BGR),
     "bayer_gbrg8": (1, cv2.COLOR_BayerGR2BGR),
@@ -41,9 +41,9 @@ def image_message(frame: UInt8Array, t_s: float, frame_id: str, image_format: Im
     Parameters
     ----------
     frame_id : str
-        The camera's optical frame.
+        Name of the camera's optical frame.
     image_format : {"raw", "png", "jpeg"}
-        "png" loses nothing either, but takes tens of milliseconds; "jpeg" is a tenth as large, and loses some.
+        "png" is also lossless, but takes tens of milliseconds; "jpeg" is lossy, and a tenth as large.
     """
     if image_format == "raw":
         height, width = frame.shape[:2]
@@ -57,12 +57,12 @@ def image_message(frame: UInt8Array, t_s: float, frame_id: str, image_format: Im
 
 
 def frame_of(message: Any) -> UInt8Array:
-    """Return the frame, (H, W, 3) uint8 BGR, that an Image or CompressedImage holds.
+    """Return the frame, (H, W, 3) uint8 BGR, in an Image or CompressedImage.
 
     Raises
     ------
     FrameError
-        If the encoding does not name its channels, is not in colour or not of 8 bits, or the data does not fit.
+        If the encoding does not name its channels or is not 8-bit colour, or the data does not match the size.
     """
     if message.__msgtype__ == "sensor_msgs/msg/CompressedImage":
         return _decompress(message)
@@ -91,9 +91,9 @@ def frame_of(message: Any) -> UInt8Array:
 
 
 def is_rgb_inside(text: str) -> bool:
-    """Whether a CompressedImage's format says that red and blue are exchanged in what is compressed.
+    """Whether a CompressedImage's format says that red and blue are exchanged in the compressed data.
 
-    "rgb8; jpeg compressed rgb8": the pixels were handed to a codec that takes BGR as RGB, as image_transport reads it.
+    "rgb8; jpeg compressed rgb8": RGB pixels were passed to a codec that expects BGR, as image_transport interprets it.
     """
     return "compressed rgb" in text.lower()
 

@@ -1,7 +1,7 @@
-"""What a look and a command tell, as messages on topics: the same for recordings, the ROS 2 node and Foxglove.
+"""ROS messages of views, odometry and commands, with their topics: for recordings, the ROS 2 node and Foxglove.
 
-Frames as in REP-105 and REP-120: map -> odom -> base_footprint -> the camera's optical frame. What was not seen is an
-empty array with the image's stamp; a pose that is not known is not sent.
+Coordinate frames are those of REP-105 and REP-120: map -> odom -> base_footprint -> the camera's optical frame. Where
+nothing was seen, the array is empty and has the image's stamp; an unknown pose is not sent.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from robocup_vision.perception.markings.marking import Markings, Post
 from robocup_vision.view import View
 
 _STILL = Pose2(0.0, 0.0, 0.0)
-# of height, roll and pitch, which a robot on a floor does not have
+# variance of height, roll and pitch, which are zero for a robot on the floor
 _FLAT_VARIANCE = 1e-6
 # camera axes (x right, y down, z forward) in those of a camera body (x forward, y left, z up)
 _OPTICAL_TO_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-# soccer_vision_attribute_msgs/Confidence, geometry_msgs/Quaternion
+# values of soccer_vision_attribute_msgs/Confidence and of geometry_msgs/Quaternion
 _UNKNOWN, _UPRIGHT = (-1.0,), (0.0, 0.0, 0.0, 1.0)
-# the map is sent no oftener: it is large, and changes slowly
+# the shortest time between two maps, which are large and change slowly
 _MAP_PERIOD_S = 0.5
-# of soccer_vision_attribute_msgs/Goalpost
+# side and team in soccer_vision_attribute_msgs/Goalpost
 _LEFT, _RIGHT, _OWN, _OPPONENT = 1, 2, 1, 2
 
-# topics without their prefix, and the types of their messages
+# message types by topic, without the prefix
 TOPIC_TYPES = {
     "/camera/image": "sensor_msgs/msg/Image",
     "/camera/image/compressed": "sensor_msgs/msg/CompressedImage",
@@ -65,15 +65,15 @@ TOPIC_TYPES = {
     "/tf": "tf2_msgs/msg/TFMessage",
     "/tf_static": "tf2_msgs/msg/TFMessage",
 }
-# a quaternion shorter than this is no rotation; others are normalised
+# a quaternion shorter than this is not a rotation; others are normalised
 _MIN_NORM = 1e-3
 
-# of a message within another, as `make` takes them
+# the fields of a nested message, as `make` takes them
 Fields = tuple[Any, ...]
 
 
 class Outgoing(NamedTuple):
-    """One message on its way: its topic, the message, and when what it tells of happened, seconds."""
+    """One message to be sent: its topic, the message, and the time in seconds of what it describes."""
 
     topic: str
     message: Any
@@ -92,20 +92,20 @@ class FrameNames:
 
 @dataclass(frozen=True, slots=True)
 class TopicSettings:
-    """What is sent, and on which topics.
+    """Which messages are sent, and on which topics.
 
     Parameters
     ----------
     prefix : str
-        Before every topic's name, such as ``/robot1``; `/tf` and `/tf_static` stay as they are.
+        Precedes every topic's name, such as ``/robot1``, except `/tf` and `/tf_static`.
     frames : FrameNames
         Names of the coordinate frames.
     image_format : {"raw", "png", "jpeg"} or None
-        How frames are sent; None: they are not.
+        The encoding of frames; None: frames are not sent.
     camera_transform : bool
-        Whether the camera's place on the robot is sent.
+        Whether the transform from robot to camera is sent.
     markings : bool
-        Whether markings and goal posts are sent: finding them takes longer than the rest of a look.
+        Whether markings and goal posts are sent. Finding them takes longer than everything else in a look.
     """
 
     prefix: str = ""
@@ -116,7 +116,7 @@ class TopicSettings:
 
 
 class Topics:
-    """Makes the messages of one robot; one object a run."""
+    """Makes the messages of one robot; one object per run."""
 
     def __init__(
         self, field: Field, camera: OmniCamera | PinholeCamera, settings: TopicSettings = TopicSettings()
@@ -129,7 +129,10 @@ class Topics:
         self._static_sent = False
 
     def of_odometry(self, odometry: Pose2, t_s: float) -> list[Outgoing]:
-        """Tell the robot's motion since the last call, in its frame then, as nav_msgs/Odometry from the start on."""
+        """Return a nav_msgs/Odometry: the sum of all motions so far.
+
+        `odometry` is the motion since the last call, in the robot frame of that moment.
+        """
         seconds = 0.0 if self._odom_s is None else t_s - self._odom_s
         self._odom, self._odom_s = self._odom.compose(odometry), t_s
         rate = 1.0 / seconds if seconds > 0.0 else 0.0
@@ -139,11 +142,11 @@ class Topics:
         return [self._out("/odometry", names.odom, t_s, names.robot, pose, (velocity, unknown))]
 
     def at_odometry(self, odom: Pose2) -> None:
-        """Note where somebody else's odometry has the robot, odom frame: map -> odom is then relative to that."""
+        """Take the robot's pose in the odom frame from another node's odometry; map -> odom is then relative to it."""
         self._odom, self._is_own_odom = odom, False
 
     def of_frame(self, frame: UInt8Array, t_s: float) -> list[Outgoing]:
-        """Tell a frame (H, W, 3) uint8 BGR, and its camera, with the time it was taken."""
+        """Return the messages of a frame, (H, W, 3) uint8 BGR, taken at `t_s`, and of its camera."""
         image_format, camera_frame = self._settings.image_format, self._names.camera
         if image_format is None:
             return []
@@ -155,7 +158,7 @@ class Topics:
         ]
 
     def of_look(self, view: View, t_s: float) -> Iterator[Outgoing]:
-        """Tell what a frame shows, with the time it was taken; each message is made when it is asked for."""
+        """Yield the messages of a view of time `t_s`; each message is made when it is needed."""
         field_frame = self._names.map
         if isinstance(view.pose, PoseEstimate):
             yield self._out("/vision/pose_with_covariance", field_frame, t_s, _with_covariance(view.pose))
@@ -167,25 +170,25 @@ class Topics:
         if view.belief is not None:
             yield self._out("/tracks", field_frame, t_s, [_obstacle(track) for track in view.belief.tracks])
             picture = view.belief.free_map
-            # time may begin anew
+            # the clock may have been reset
             if picture is not None and not 0.0 <= t_s - self._map_s < _MAP_PERIOD_S:
                 self._map_s = t_s
                 yield Outgoing(self._settings.prefix + "/map", occupancy_grid(picture, t_s, field_frame), t_s)
 
     def of_command(self, command: SteeringCommand | tuple[float, float, float], t_s: float) -> list[Outgoing]:
-        """Tell a command as geometry_msgs/TwistStamped, robot frame: of `Steering`, or (x, y m/s, radians a second)."""
+        """Return a command as geometry_msgs/TwistStamped, robot frame; a tuple is (x m/s, y m/s, turn rad/s)."""
         velocity = (*command.velocity_mps.tolist(), 0.0) if isinstance(command, SteeringCommand) else command
         return [self._out("/cmd_vel", self._names.robot, t_s, _twist(*velocity))]
 
     def of_truth(self, robot: Pose2, t_s: float, ball_m: tuple[float, float] | None = None) -> list[Outgoing]:
-        """Tell the true pose on ``/truth/pose`` and the true ball on ``/truth/ball``, field frame."""
+        """Return the true pose for ``/truth/pose`` and the true ball for ``/truth/ball``, field frame."""
         out = [self._out("/truth/pose", self._names.map, t_s, _pose(robot))]
         if ball_m is not None:
             out.append(self._out("/truth/ball", self._names.map, t_s, (*ball_m, self._field.ball_radius_m)))
         return out
 
     def _out(self, topic: str, frame_id: str, t_s: float, *fields: Any) -> Outgoing:
-        """Return a topic's message: its header, and its other fields as `make` takes them."""
+        """Make a topic's message with a header and `fields`, as `make` takes them."""
         message = make(TOPIC_TYPES[topic], header(t_s, frame_id), *fields)
         return Outgoing(self._settings.prefix + topic, message, t_s)
 
@@ -216,7 +219,7 @@ class Topics:
         yield self._out("/balls", robot, t_s, balls)
         obstacles = []
         for thing in view.obstacles:
-            # its depth is not seen: as deep as it is wide, a robot's height unknown
+            # its depth is not visible and is set to its width; its height is unknown
             box = (_pose(Pose2(thing.x_m, thing.y_m, thing.bearing_rad)), (thing.width_m, thing.width_m, 0.0))
             obstacles.append((box, _UNKNOWN))
         yield self._out("/obstacles", robot, t_s, obstacles)
@@ -248,7 +251,7 @@ class Topics:
         side, team = 0, 0
         if post.feature_m is not None:
             x, y = post.feature_m
-            # as one sees it who faces the goal
+            # left and right as seen when facing the goal
             side = _LEFT if (y > 0) == (x > 0) else _RIGHT
             team = _OPPONENT if x > 0 else _OWN
         return ((center, (2 * goal.post_radius_m, 2 * goal.post_radius_m, goal.height_m)), (side, team), _UNKNOWN)
@@ -284,7 +287,7 @@ def _obstacle(track: Track) -> Fields:
 
 
 def boundary_m(view: View) -> FloatArray:
-    """(N, 2) float64: the floor's edge as the frame shows it, robot frame, metres, where there is one."""
+    """Return the points of the floor boundary that lie on the floor, (N, 2) float64, robot frame, metres."""
     if view.polar is None:
         return np.empty((0, 2))
     floor = view.camera.pixel_to_floor(view.boundary_px)
@@ -294,7 +297,7 @@ def boundary_m(view: View) -> FloatArray:
 def occupancy_grid(picture: MapPicture, t_s: float, frame_id: str) -> Any:
     """Return a map as nav_msgs/OccupancyGrid: free 0, occupied 100, undecided -1; its rows run along x."""
     values = np.array([0, 100, -1], dtype=np.int8)
-    # ours has its first index along x, ROS's rows are along y
+    # the first index of `state` runs along x, that of ROS along y
     data = values[picture.state].T.ravel()
     rows, columns = picture.state.T.shape
     at = header(t_s, frame_id)
@@ -303,18 +306,18 @@ def occupancy_grid(picture: MapPicture, t_s: float, frame_id: str) -> Any:
 
 
 def _is_placed(camera: OmniCamera | PinholeCamera) -> bool:
-    """Whether it is known where the camera is on the robot, and how it is turned."""
+    """Whether the camera's position and orientation on the robot are known."""
     return camera.known_orientation if isinstance(camera, PinholeCamera) else camera.height_m is not None
 
 
 def sphere_outline(
     center_m: tuple[float, float, float], radius_m: float, camera: OmniCamera | PinholeCamera
 ) -> FloatArray:
-    """(16, 3) float64: points on the circle of a sphere that a camera sees as its outline, robot frame."""
+    """Return points on the circle of a sphere that a camera sees as its outline, (16, 3) float64, robot frame."""
     center = np.array(center_m)
     away = center - camera.viewpoint_m
     distance_m = float(np.linalg.norm(away))
-    # from inside there is no outline
+    # inside the sphere there is no outline; the clipped ratio keeps the numbers finite
     ratio = min(radius_m / max(distance_m, 1e-9), 1.0)
     across = np.linalg.svd((away / max(distance_m, 1e-9))[None])[2][1:]
     turn = np.linspace(0.0, 2 * math.pi, 16, endpoint=False)
@@ -352,7 +355,7 @@ def _twist(forward: float, left: float, turn: float) -> Fields:
 
 
 def covariance_6x6(covariance: FloatArray) -> FloatArray:
-    """(36,) float64, row-major (x, y, z, about x, y, z), of a (3, 3) one of (x, y, heading)."""
+    """Return a (3, 3) covariance of (x, y, heading) as (36,) float64, row-major, of x, y, z and turns about them."""
     full = np.diag(np.full(6, _FLAT_VARIANCE))
     places = [0, 1, 5]
     full[np.ix_(places, places)] = covariance
@@ -360,7 +363,7 @@ def covariance_6x6(covariance: FloatArray) -> FloatArray:
 
 
 def covariance_3x3(covariance: Any) -> FloatArray:
-    """(3, 3) float64 of (x, y, heading), of ROS' 36 numbers."""
+    """Return the (3, 3) float64 covariance of (x, y, heading) from the 36 numbers of a ROS message."""
     places = [0, 1, 5]
     return np.asarray(covariance, dtype=np.float64).reshape(6, 6)[np.ix_(places, places)]
 
@@ -370,7 +373,7 @@ def _with_covariance(estimate: PoseEstimate) -> Fields:
 
 
 def _quaternion(rotation: FloatArray) -> tuple[float, float, float, float]:
-    """(x, y, z, w) of a rotation (3, 3), by its largest component, which is never near zero."""
+    """Return (x, y, z, w) of a rotation matrix (3, 3), dividing by the largest component, which is never near zero."""
     m = rotation
     trace = [m[0, 0] - m[1, 1] - m[2, 2], m[1, 1] - m[0, 0] - m[2, 2], m[2, 2] - m[0, 0] - m[1, 1], np.trace(m)]
     largest = int(np.argmax(trace))
@@ -385,10 +388,9 @@ def _quaternion(rotation: FloatArray) -> tuple[float, float, float, float]:
 
 
 def place_of(position: Any, orientation: Any) -> tuple[float, float, float | None]:
-    """Return x and y, and the direction of the x axis: None where the orientation is no rotation.
+    """Return x and y, metres, and the direction of the x axis, radians; None if the orientation is not a rotation.
 
-    Raises PacketError if the position is not finite, or position and orientation are 0 alike: nobody has filled them
-    in.
+    Raises PacketError if the position is not finite, or position and orientation are all 0, as in an unfilled message.
     """
     x_m, y_m, z_m = float(position.x), float(position.y), float(position.z)
     if not all(map(math.isfinite, (x_m, y_m, z_m))):
@@ -400,7 +402,7 @@ def place_of(position: Any, orientation: Any) -> tuple[float, float, float | Non
 
 
 def _heading(orientation: Any) -> float | None:
-    """Return the direction of the x axis that a geometry_msgs/Quaternion turns; None where it is no rotation."""
+    """Return the direction, radians, of the x axis turned by a geometry_msgs/Quaternion; None: it is not a rotation."""
     x, y, z, w = (float(getattr(orientation, name)) for name in "xyzw")
     norm = math.hypot(x, y, z, w)
     if not math.isfinite(norm) or norm < _MIN_NORM:
@@ -409,9 +411,9 @@ def _heading(orientation: Any) -> float | None:
 
 
 def pose_of(message: Any) -> Pose2:
-    """Return the pose in the plane of a geometry_msgs/Pose: its place, and its x axis' direction.
+    """Return the pose in the plane of a geometry_msgs/Pose: its position, and the direction of its x axis.
 
-    Raises PacketError if it is not finite, or its orientation is no rotation.
+    Raises PacketError if the position is not finite or all 0, or the orientation is not a rotation.
     """
     x_m, y_m, heading_rad = place_of(message.position, message.orientation)
     if heading_rad is None:

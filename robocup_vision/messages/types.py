@@ -1,6 +1,6 @@
-"""The message types and their CDR form, by rosbags' type system: ROS 2's own types, the soccer messages, and ours.
+"""Message types and their CDR encoding, based on rosbags: ROS 2's own types, the soccer messages, and ours.
 
-All functions share one type store, made at the first use; it takes 0.2 s. It holds types alone, no data.
+All functions share one type store, which is made at the first use in 0.2 s. It holds only types, no data.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ CALL = "robocup_vision_msgs/msg/Call"
 
 
 def require_ros_extra() -> None:
-    """Raise RobocupVisionError without rosbags and mcap, the extra `ros`."""
+    """Raise RobocupVisionError if rosbags and mcap (the extra `ros`) are not installed."""
     try:
         import mcap  # noqa: F401
         import rosbags.typesys  # noqa: F401
@@ -43,7 +43,7 @@ def typestore() -> Any:
 
 
 def added_types() -> Mapping[str, tuple[str, tuple[str, ...]]]:
-    """Return the types beside ROS 2's own: type hash and fields by name."""
+    """Return type hash and fields, by name, of the types other than ROS 2's own."""
     types: dict[str, tuple[str, list[str]]] = {}
     name = ""
     for line in _DEFINITIONS.read_text(encoding="utf-8").splitlines():
@@ -56,15 +56,15 @@ def added_types() -> Mapping[str, tuple[str, tuple[str, ...]]]:
 
 
 def prepare(names: Iterable[str]) -> None:
-    """Make the code that reads and writes types: else their first message pays for it, some 20 ms each."""
+    """Generate the code for types in advance, which would else delay their first messages by some 20 ms each."""
     for name in names:
         typestore().get_msgdef(name)
 
 
 def make(name: str, *values: Any) -> Any:
-    """Make a message of a type, such as ``std_msgs/msg/Header``, of all its fields in order.
+    """Make a message of a type, such as ``std_msgs/msg/Header``, from the values of all its fields in order.
 
-    Arrays of numbers are NumPy arrays. A tuple, in a list too, stands for a message of the field's type.
+    Arrays of numbers are NumPy arrays. A tuple, also in a list, is made into a message of the field's type.
     """
     store = typestore()
     kinds = (kind for _, kind in store.fielddefs[name][1])
@@ -81,13 +81,13 @@ def _field(kind: Any, value: Any) -> Any:
 
 
 def encode(message: Any) -> bytes:
-    """Return a message as CDR."""
+    """Return the CDR encoding of a message."""
     store = typestore()
     return bytes(store.serialize_cdr(message, message.__msgtype__, little_endian=True))
 
 
 def decode(data: bytes | memoryview, name: str) -> Any:
-    """Return the message that CDR of a type holds; raises PacketError if the bytes are no message of that type."""
+    """Return the message of a type that is encoded in CDR; raises PacketError if the bytes are no such message."""
     from rosbags.serde import SerdeError
 
     try:
@@ -97,7 +97,7 @@ def decode(data: bytes | memoryview, name: str) -> Any:
 
 
 def definition(name: str) -> str:
-    """Return a type's definition with all that it is made of, as MCAP's ``ros2msg`` and Foxglove have it."""
+    """Return a type's definition with those of the types in it, in MCAP's and Foxglove's format ``ros2msg``."""
     text, _ = typestore().generate_msgdef(name, ros_version=2)
     return str(text)
 
@@ -108,7 +108,7 @@ def type_hash(name: str) -> str:
 
 
 class FieldDescription(NamedTuple):
-    """One field of a type, as type_description_interfaces/FieldType tells of it."""
+    """One field of a type, with the values of type_description_interfaces/FieldType."""
 
     name: str
     type_id: int
@@ -118,7 +118,7 @@ class FieldDescription(NamedTuple):
 
 
 def describe(name: str) -> list[tuple[str, tuple[FieldDescription, ...]]]:
-    """Return a type's name and fields, then those of all that it is made of, by name (REP-2011)."""
+    """Return a type's name and fields, then those of all types in it, ordered by name (REP-2011)."""
     described: dict[str, tuple[FieldDescription, ...]] = {}
     waiting = [name]
     while waiting:
@@ -144,25 +144,25 @@ def _describe_field(name: str, kind: Any) -> FieldDescription:
 
 
 def stamp(t_s: float) -> Any:
-    """Return a time in seconds as a ROS time, to the nearest nanosecond."""
+    """Return a time in seconds as a ROS time, rounded to nanoseconds."""
     return make("builtin_interfaces/msg/Time", *divmod(to_nanoseconds(t_s), 1_000_000_000))
 
 
 def header(t_s: float, frame_id: str) -> Any:
-    """Return the header of a message about a time and a frame."""
+    """Return a message header with a time and a frame."""
     return make("std_msgs/msg/Header", stamp(t_s), frame_id)
 
 
 def to_nanoseconds(t_s: float) -> int:
-    """Return a time in seconds in whole nanoseconds."""
+    """Convert a time from seconds to nanoseconds, rounded."""
     return round(t_s * 1e9)
 
 
 def time_of(message: Any, now_s: float) -> float:
-    """Return when a message was stamped, seconds; the clock stands in for a stamp that is zero."""
+    """Return a message's stamp, seconds; `now_s` if the stamp is zero."""
     return to_seconds(message.header.stamp) or now_s
 
 
 def to_seconds(time: Any) -> float:
-    """Return a ROS time in seconds."""
+    """Convert a ROS time to seconds."""
     return float(time.sec) + 1e-9 * float(time.nanosec)

@@ -1,7 +1,7 @@
-"""Whether red and blue are swapped in a camera's frames: what balls and goals say, weighed over the frames.
+"""Detects whether red and blue are swapped in a camera's frames, by balls and goals, with evidence summed over frames.
 
-Red and blue swapped turn an orange ball blue, yellow into cyan, blue into orange; a green carpet and white lines stay
-as they are. Goals that are each other's swapped colour cannot tell: there a ball must, before goals turn the pose.
+Swapped channels turn orange into blue, yellow into cyan, and blue into orange; a green carpet and white lines stay. Two
+goals whose colours swap into each other give no evidence: only a ball can show it, before goals turn the pose.
 """
 
 from __future__ import annotations
@@ -24,43 +24,43 @@ SWAPPED_BY_BALL = (
     "the ball looks as with red and blue swapped: Vision takes RGB frames with channels='rgb', BGR ones with 'bgr'"
 )
 
-# places along a coloured thing at which the way to it is looked at
+# points along a coloured object at which its distance from the ray to a ball is computed
 _PLACES = np.linspace(0.0, 1.0, 9)
 
 
 @dataclass(frozen=True, slots=True)
 class ChannelOrderSettings:
-    """How what frames show of the order of their channels is weighed; nats speak for swapped red and blue."""
+    """Weights and thresholds of the evidence, in nats; positive values are evidence of swapped red and blue."""
 
-    #: log-likelihood ratio that other objects of a ball's colour reach: a find with less is no evidence
+    #: log-likelihood ratio that other objects of a ball's colour reach: a ball below it is not evidence
     clutter_nats: float = 8.5
-    #: evidence of one ball in one place, and of the goals in one frame, either way: it may be a thing that only looks
-    #: so, and is no more proof however clear and however often it is seen
+    #: bound of the evidence, of either sign, of one ball in one place, and of the goals in one frame. The object may
+    #: only look like a ball or goal, however clearly and often it is seen.
     max_nats: float = 3.0
     report_nats: float = math.log(1000.0)  #: sum from which swapped channels are reported: 1000 to 1
-    #: evidence of the goals of one frame, or of all frames, from which goals do not decide on the half: 3 to 1
+    #: evidence of the goals of one frame, or of all frames, from which goals do not decide the half: 3 to 1
     doubt_nats: float = math.log(3.0)
-    #: the sum reaches no farther either way, so that no run is decided for ever by its first frames
+    #: bound of the sum, of either sign, so that the first frames of a run can be outweighed later
     max_sum: float = 12.0
-    #: all of the first frames are judged, then one in this many, or all while swapped channels are likelier
+    #: number of first frames that are all judged; then one in `look_every`, or all while swapped channels are likelier
     first_looks: int = 8
     look_every: int = 16
-    #: a ball nearer to where one was seen is the same one: errors of its place, and for each metre of its range
+    #: a ball within this distance of an earlier one, plus this fraction of its range, is the same one
     same_place_m: float = 0.4
     same_place_ratio: float = 0.2
-    max_places: int = 32  #: number of places that are remembered, the latest ones
-    same_paint: float = 0.9  #: paints whose log R/G and B/G differ by less are taken for each other in bad light
+    max_places: int = 32  #: number of latest places that are remembered
+    same_paint: float = 0.9  #: paints whose log R/G and B/G differ by less may be confused in bad light
     #: smallest distance of the ray to a ball from a field element of similar colour
     margin_m: float = 0.1
 
 
 class ChannelOrder:
-    """What the frames of one camera have shown of the order of their channels so far.
+    """The evidence on the channel order of one camera's frames so far.
 
     Parameters
     ----------
     field : Field
-        Names the colours of ball, goals and beacons.
+        Gives the colours of ball, goals and beacons.
     """
 
     def __init__(self, field: Field, settings: ChannelOrderSettings = ChannelOrderSettings()) -> None:
@@ -84,19 +84,19 @@ class ChannelOrder:
 
     @property
     def nats(self) -> float:
-        """How much more likely red and blue are swapped than not, by all frames."""
+        """Log-likelihood ratio of swapped red and blue by all frames, nats."""
         return self._nats
 
     @property
     def reason(self) -> str:
-        """Why red and blue are taken to be swapped, or in the last frame seem to be; empty where they are not."""
+        """Why red and blue are swapped, or seem to be in the last frame; empty if they are not."""
         if self._nats >= self.settings.report_nats:
             return self._reason
         return SWAPPED_BY_GOALS if self._is_doubtful else ""
 
     @property
     def is_suspected(self) -> bool:
-        """Whether swapped red and blue are likelier than not, by so much that no half is taken for sure."""
+        """Whether swapped red and blue are so probable that colours must not decide the half."""
         return self._nats >= self.settings.doubt_nats
 
     def judge(
@@ -106,18 +106,18 @@ class ChannelOrder:
         pose: PoseEstimate | NotLocated,
         by_goals: Callable[[], float],
     ) -> None:
-        """Weigh a frame, if it is one that is looked at.
+        """Add the evidence of a frame, if the frame is due (`look_every`).
 
         Parameters
         ----------
         find_own : callable
-            Returns the balls that the frame shows by their colour.
+            Returns the balls in the frame by their colour, robot frame.
         find_swapped : callable
-            Returns those that it shows if red and blue are swapped; costs as much as a search for balls.
+            Returns the balls by their colour with red and blue swapped; takes as long as a search for balls.
         pose : PoseEstimate or NotLocated
-            Of the robot, right or half a turn off.
+            The robot's pose, which may be wrong by a half turn.
         by_goals : callable
-            Returns what the goals tell, nats.
+            Returns the evidence of the goals, nats.
         """
         self._frames += 1
         settings = self.settings
@@ -125,7 +125,7 @@ class ChannelOrder:
             self._frames <= settings.first_looks or self._frames % settings.look_every == 0 or self._nats > 0.0
         )
         self._is_doubtful = False
-        # where the order is settled, the goals of every frame need not confirm it
+        # once the order is certain, the goals need not confirm it in every frame
         if not is_looked_at and self._nats <= -settings.report_nats:
             return
         goals = _clip(by_goals(), settings.max_nats)
@@ -135,7 +135,7 @@ class ChannelOrder:
         own = swapped = 0.0
         if pose:
             own = self._ball_nats(find_own(), pose.pose, is_swapped=False)
-            # where the ball is clearly seen, another find is no evidence
+            # if a ball is clearly seen in its own colour, a ball in the swapped colour is not evidence
             if own < settings.max_nats:
                 swapped = self._ball_nats(find_swapped(), pose.pose, is_swapped=True)
         nats = goals + swapped - own
@@ -144,9 +144,9 @@ class ChannelOrder:
         self._nats = _clip(self._nats + nats, settings.max_sum)
 
     def _ball_nats(self, balls: Sequence[Ball], robot: Pose2, *, is_swapped: bool) -> float:
-        """Return how clearly one of them is a ball in a place where none was seen yet, nats; 0 where none is.
+        """Return the greatest evidence, nats, that one of them is a ball at a new place; 0 if there is none.
 
-        What lies beside the field, or is explained by an element of the field, is not a ball.
+        A ball beside the field, or near a field element of similar colour, is not counted.
         """
         settings = self.settings
         things = self._swapped_things if is_swapped else self._own_things
@@ -161,7 +161,7 @@ class ChannelOrder:
         return nats
 
     def _is_new(self, place: tuple[float, float], range_m: float, seen: deque[tuple[float, float]]) -> bool:
-        """Remember where a ball is; return whether none was seen there, or half a turn from there, before."""
+        """Remember a ball's place; return whether no ball was seen there, or a half turn from there, before."""
         same_m = self.settings.same_place_m + self.settings.same_place_ratio * range_m
         if any(min(math.dist(place, one), math.dist(place, (-one[0], -one[1]))) < same_m for one in seen):
             return False
@@ -169,7 +169,7 @@ class ChannelOrder:
         return True
 
     def _is_thing(self, place: tuple[float, float], robot: Pose2, things: FloatArray) -> bool:
-        """Whether a thing of the field stands on the way to a ball, or next to it."""
+        """Return whether a field element is near the ray to a ball, or near the ball."""
         if not len(things):
             return False
         here = np.array([robot.x_m, robot.y_m])
@@ -183,8 +183,8 @@ class ChannelOrder:
         return bool((away <= reach[:, None]).any())
 
 
-def _clip(nats: float, most: float) -> float:
-    return min(max(nats, -most), most)
+def _clip(nats: float, bound: float) -> float:
+    return min(max(nats, -bound), bound)
 
 
 def _log_ratios(name: str) -> FloatArray:
@@ -193,7 +193,10 @@ def _log_ratios(name: str) -> FloatArray:
 
 
 def _things_like(field: Field, paint: FloatArray, same: float) -> FloatArray:
-    """Return the goals and beacons that have about a paint: (N, 5) float64, both ends of the foot, radius, metres."""
+    """Return the goals and beacons of a colour similar to `paint`, with their half turns.
+
+    (N, 5) float64: both ends of the foot, and the radius, field frame, metres.
+    """
     things = []
     for goal in field.goals:
         if np.linalg.norm(_log_ratios(goal.color) - paint) < same:
@@ -203,6 +206,6 @@ def _things_like(field: Field, paint: FloatArray, same: float) -> FloatArray:
     for beacon in field.beacons:
         if any(np.linalg.norm(_log_ratios(color) - paint) < same for color in beacon.colors):
             things.append([beacon.x_m, beacon.y_m, beacon.x_m, beacon.y_m, beacon.radius_m])
-    # half a turn off they stand where their like does
+    # the pose may be wrong by a half turn
     turned = [[-x0, -y0, -x1, -y1, radius] for x0, y0, x1, y1, radius in things]
     return np.array(things + turned, dtype=np.float64).reshape(-1, 5)

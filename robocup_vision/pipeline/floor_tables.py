@@ -1,7 +1,7 @@
-"""The parts that measure the floor by a pinhole camera, and their tables for the ways in which it is held.
+"""The parts that measure the floor with a pinhole camera, and their tables for its different orientations.
 
-The tables take as long as ten looks. They are made for steps of the orientation, and kept; within a step they are
-turned: samples of the same places on the floor lie elsewhere in the picture.
+Making the tables takes as long as ten looks. They are made for steps of the orientation, and kept; within a step they
+are adapted: the samples of the same places on the floor move in the picture.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from robocup_vision.perception.floor_view import FloorView, sees_floor
 from robocup_vision.perception.free_space import FREE_RATIO, FloorMarking, FreeSpaceGrid
 from robocup_vision.perception.polar_view import BEARINGS
 
-# where the file leaves the tilt open, or the frame's mounting tells it: steps of tilt and roll, of which half moves a
-# picture's edge by no more than a walking body does, and of the logarithms of height and focal length
+# steps of tilt and roll (half a step moves the picture's border no more than a walking body does), and of the
+# logarithms of height and focal length
 _STEP_RAD, _STEP_LOG = math.radians(2.0), 0.02
-# a camera beside the robot's centre moves about it where a head is panned: steps of its place, metres
+# a camera beside the robot's centre moves around it when the head pans: steps of its place
 _STEP_M = 0.004
-# tables that are kept of a head of known tilt: one that looks all around takes some forty pans, which share most of
-# their tables, one that nods by 20 degrees up and down some sixty tilts and rolls; and of a camera of unknown tilt:
-# those that a body's sway takes
+# number of tables kept for a camera of known orientation (a head that looks all around needs some forty pans, which
+# share most of their tables; one that nods by 20 degrees up and down some sixty tilts and rolls), and of unknown
+# orientation (for the body's sway)
 _MAX_TABLES, _MAX_TABLES_UNKNOWN_TILT = 128, 5
 
 _Steps = tuple[int, ...]
@@ -32,10 +32,7 @@ _Steps = tuple[int, ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FloorTables:
-    """The parts that measure the floor, for one orientation of the camera.
-
-    They are turned as the frame's camera is.
-    """
+    """The parts that measure the floor, for one orientation of the camera."""
 
     camera: PinholeCamera
     view: FloorView
@@ -44,21 +41,21 @@ class FloorTables:
     balls: PinholeBallProjection
 
     def held(self, camera: PinholeCamera, sway_std_rad: tuple[float, float] | None = None) -> FloorTables:
-        """Return the same for a frame in which neck and body hold the camera in the orientation of `camera`.
+        """Return the parts for a frame in which neck and body hold the camera in the orientation of `camera`.
 
         Parameters
         ----------
         sway_std_rad : (float, float), optional
-            Standard deviations of its tilt and roll, where the frame shows them.
+            Standard deviations of its tilt and roll, if they were measured in the frame.
         """
         held = self.camera.held_as(camera)
-        # the tables are of their own height
+        # the tables keep their own height
         view = self.view.held(self.camera.with_orientation(camera.pan_rad, camera.tilt_rad, camera.roll_rad))
         grid, marking = self.grid.held(view), self.marking.held(view)
         return FloorTables(held, view, grid, marking, self.balls.held(held, sway_std_rad))
 
     def panned(self, pan_rad: float) -> FloorTables:
-        """Return the same for another pan, with what changes about the robot worked out again."""
+        """Return the parts for another pan; only what depends on the robot frame is computed again."""
         camera = self.camera.with_orientation(pan_rad, self.camera.tilt_rad, self.camera.roll_rad)
         view = self.view.panned(camera)
         grid = FreeSpaceGrid(view, self.grid.directions, self.grid.rings, self.grid.threshold)
@@ -66,14 +63,14 @@ class FloorTables:
 
 
 class FloorTableCache:
-    """Makes the parts that measure the floor, and keeps those that were used last.
+    """Makes the parts that measure the floor, and keeps the most recently used ones.
 
     Parameters
     ----------
     mask : (H, W) uint8 or None
-        Non-zero pixels are never looked at.
+        Non-zero pixels are never used.
     directions, rings, free_ratio
-        Of the free space, as directions, rings and threshold of `FreeSpaceGrid`.
+        Settings of the free space: directions, rings and threshold of `FreeSpaceGrid`.
     """
 
     def __init__(
@@ -94,13 +91,13 @@ class FloorTableCache:
         self._made: dict[_Steps, FloorTables | None] = {}
 
     def for_camera(self, camera: PinholeCamera) -> FloorTables | None:
-        """Return the parts made for about this orientation of the camera, to be `held` in it; None: it sees no floor.
+        """Return the parts for the step of this orientation, to be adapted with `held`; None: no floor is visible.
 
         Parameters
         ----------
         camera : PinholeCamera
-            The file's as a frame's mounting tells that it is held; where the file leaves the tilt open, of another
-            focal length, too.
+            The file's camera with a frame's mounting; if the file leaves the tilt open, the focal length may also
+            differ.
         """
         steps = self._steps(camera)
         made = self._made.pop(steps) if steps in self._made else self._make(steps)
@@ -119,7 +116,7 @@ class FloorTableCache:
         return (pan, *(round(angle / _STEP_RAD) for angle in (tilt, roll)), *logs)
 
     def _make(self, steps: _Steps) -> FloorTables | None:
-        # about the robot's centre any pan is as good as another
+        # for a camera at the robot's centre all pans have the same tables
         pan_rad = steps[0] * self._pan_step_rad if steps[0] else 0.0
         for other, made in self._made.items():
             if other[1:] == steps[1:]:

@@ -33,9 +33,9 @@ from robocup_vision.perception.obstacles import ObstacleFinder
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.pipeline.channel_order import ChannelOrder
 
-# time for which free space is carried on without a frame: others may have moved by a robot's width by then
+# longest time for which free space is used without a new frame: others may then have moved by a robot's width
 _MAX_CARRIED_S = 0.5
-# assumed between frames without times
+# assumed time between frames that have no times
 _USUAL_STEP_S = 1 / 30
 NO_FRAME = "no frame: the camera gave none this time"
 BGR, RGB = CHANNELS = ("bgr", "rgb")
@@ -43,20 +43,17 @@ BGR, RGB = CHANNELS = ("bgr", "rgb")
 
 @dataclass(frozen=True, slots=True)
 class FloorEdgeSettings:
-    """Thresholds by which the floor's end on a bearing is found."""
+    """Thresholds for finding the floor's end on a bearing."""
 
-    certain_nats: float = 3.0  #: mean log-likelihood ratio that makes a run of samples floor: 20 to 1
-    #: sum of the log-likelihood ratios that a strip of floor behind a line needs: it may be two samples long
+    certain_nats: float = 3.0  #: mean log-likelihood ratio from which a run of samples is floor: 20 to 1
+    #: sum of the log-likelihood ratios from which a strip behind a line is floor, even if it is only two samples long
     strip_nats: float = 5.0
-    line_gap_columns: int = 3  #: columns that a painted line may hide
+    line_gap_columns: int = 3  #: greatest number of columns that a painted line may interrupt the floor
     min_contrast: float = 5.0  #: smallest colour difference of an edge, in standard deviations of the noise
 
 
 class _CarriedFloor(NamedTuple):
-    """Free space of the last frame moved to now, when that frame was taken, and how many have been dropped since.
-
-    A tuple, as one is made in each frame.
-    """
+    """Free space of the last frame moved to now, that frame's time, and the number of frames dropped since."""
 
     free_space: FreeSpace
     frame_s: float | None
@@ -68,7 +65,7 @@ def _measured_in_both_halves(measurement: Callable[[], PoseEstimate], near: Pose
 
 
 def to_bgr(frame: UInt8Array, channels: str) -> UInt8Array:
-    """Return a frame (H, W, 3) as a plain array of blue, green, red: itself where it is one."""
+    """Return a frame (H, W, 3) as a plain BGR array; the frame itself if it is one."""
     if channels == BGR:
         return plain_frame(frame)
     return np.asarray(cv2.cvtColor(np.ascontiguousarray(frame), cv2.COLOR_RGB2BGR), dtype=np.uint8)
@@ -76,7 +73,7 @@ def to_bgr(frame: UInt8Array, channels: str) -> UInt8Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameOptions:
-    """How frames are looked at, whichever camera gives them; parameters as those of `Vision`."""
+    """The options of a pipeline of any camera; parameters as those of `Vision`."""
 
     method: Method
     colors: Colors | None
@@ -93,7 +90,7 @@ class FramePipeline:
     Parameters
     ----------
     size_px : (int, int)
-        Of the frames.
+        Width and height of the frames.
     strongest_cast : float
         See `ColorMemory`.
     """
@@ -116,7 +113,7 @@ class FramePipeline:
         width, height = size_px
         mask = options.mask
         if mask is not None:
-            # a copy: the caller's array may be a view, or change
+            # a copy, since the caller may change the array
             mask = np.array(mask)
             if mask.shape != (height, width) or mask.dtype != np.uint8:
                 raise ArgumentError(f"mask must be ({height}, {width}) uint8, got {mask.shape} {mask.dtype}")
@@ -128,7 +125,7 @@ class FramePipeline:
         self._carried: _CarriedFloor | None = None
 
     def forget(self) -> None:
-        """Forget learnt colours, the last pose and floor: the next frame stands alone."""
+        """Forget learnt colours, the last pose and the last floor: the next frame is the first one again."""
         self._has_warned = False
         self._channel_order.forget()
         self._carried = None
@@ -146,13 +143,13 @@ class FramePipeline:
         return self._channel_order.nats
 
     def on_floor(self, balls: tuple[Ball, ...], pose: Pose2 | None) -> tuple[Ball, ...]:
-        """Return those of the balls that a known pose puts on the floor, where walls or boards bound it."""
+        """Return the balls that are on the floor by a known pose; all balls if no walls or boards bound the floor."""
         if not balls or pose is None or not self.field.is_bounded:
             return balls
         return tuple(ball for ball in balls if self._is_on_floor(ball, pose))
 
     def _near_floor_nats(self, llr: npt.NDArray[np.int8], view: PolarView | FloorView) -> float:
-        """Mean log-likelihood ratio of the floor in the nearest third of the columns of samples (K, M)."""
+        """Return the mean log-likelihood ratio of floor, nats, of the nearest third of the sample columns."""
         return float(free_ranges.sum_near(llr, llr.shape[1] // 3)) * LLR_PER_UNIT / view.near_count
 
     def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
@@ -160,7 +157,7 @@ class FramePipeline:
         return self.field.is_on_floor(pose.x_m + c * ball.x_m - s * ball.y_m, pose.y_m + s * ball.x_m + c * ball.y_m)
 
     def _last_floor(self, llr: npt.NDArray[np.int8], view: PolarView | FloorView) -> npt.NDArray[np.int64]:
-        """(K,) int64: each bearing's outermost column of floor, -1 where none."""
+        """Return each bearing's outermost column of floor, (K,) int64; -1 if there is none."""
         columns = np.empty(view.bearings, dtype=np.int64)
         settings = self.edge_settings
         certain, strip = int(settings.certain_nats / LLR_PER_UNIT), int(settings.strip_nats / LLR_PER_UNIT)
@@ -168,13 +165,13 @@ class FramePipeline:
         return columns
 
     def _keep_floor(self, free_space: FreeSpace, t_s: float | None) -> None:
-        """Keep a frame's free space, for frames that are dropped after it."""
+        """Keep a frame's free space, for the case that the next frames are dropped."""
         self._carried = _CarriedFloor(free_space, t_s, 0)
 
     def _carry(self, odometry: Pose2 | None, t_s: float | None) -> FreeSpace | None:
         """Return the last frame's free space moved by the odometry; None if there is none, or it is too old."""
         kept = self._carried
-        # without odometry it is not known where the robot is at the next frame
+        # without odometry the pose at the next frame is not known
         known = self._last_pose if odometry is not None else None
         self._last_pose = None if known is None or odometry is None else known.compose(odometry)
         if kept is None:
@@ -186,7 +183,7 @@ class FramePipeline:
         return free_space if seconds <= _MAX_CARRIED_S else None
 
     def _in_open_halves(self, answer: Localization, prior: PoseEstimate | Pose2 | None) -> Localization:
-        """Return a localiser's answer, in both halves where its frame does not tell them apart: the prior's first."""
+        """Return an answer with candidates in both halves, the prior's first, if the frame does not decide the half."""
         pose, field = answer.pose, self.field
         if isinstance(pose, NotLocated) or field.is_half or (answer.tells_half and field.shows_half):
             return answer
@@ -196,9 +193,9 @@ class FramePipeline:
         return answer._replace(pose=both, measurement=measurement)
 
     def _unless_swapped(self, pose: PoseEstimate | NotLocated) -> PoseEstimate | NotLocated:
-        """Return a pose as far as it holds where red and blue may be swapped, and goals or beacons give the half.
+        """Correct a pose whose half depends on colours, if red and blue may be swapped.
 
-        There is no pose where swapping is reported, and one in both halves where it is suspected.
+        If swapping is certain, the result is `SwappedChannels`; if it is suspected, both halves are candidates.
         """
         if not pose or not self.field.shows_half:
             return pose
@@ -211,7 +208,7 @@ class FramePipeline:
     def _measurement_unless_swapped(
         self, measurement: Callable[[], PoseEstimate] | None
     ) -> Callable[[], PoseEstimate] | None:
-        """Apply `_unless_swapped` to the estimate by the frame alone, which is computed when it is asked for."""
+        """Apply `_unless_swapped` to the estimate without the prior, which is computed when it is first read."""
         if measurement is None or not self.field.shows_half:
             return measurement
         if self._channel_order.reason:
@@ -221,7 +218,7 @@ class FramePipeline:
         return measurement
 
     def _warnings(self, pose: PoseEstimate | NotLocated) -> tuple[str, ...]:
-        """Return the warnings about the frames that a user has not had yet."""
+        """Return the warnings about the frames that have not been given yet."""
         reason = pose.reason if isinstance(pose, SwappedChannels) else self._channel_order.reason
         if self._has_warned or not reason:
             return ()
@@ -229,8 +226,8 @@ class FramePipeline:
         return (reason,)
 
     def checked(self, frame: UInt8Array) -> UInt8Array:
-        """Return a frame of the right size and type as blue, green, red, black under the mask; else refuse it."""
-        # kernels are compiled for plain arrays: a flipped view, or bytes from a message, would be compiled again
+        """Return a frame as plain BGR array with black under the mask; raise FrameError for a wrong size or type."""
+        # kernels are compiled for plain arrays: for a flipped view, or bytes from a message, they would compile again
         plain = to_bgr(as_frame(frame, self._size_px), self._options.channels)
         if self._keep is None:
             return plain

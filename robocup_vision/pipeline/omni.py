@@ -34,17 +34,17 @@ class OmniPipeline(FramePipeline):
     """Turns frames of a mirror camera into views."""
 
     def __init__(self, field: Field, camera: OmniCamera, options: FrameOptions) -> None:
-        # before anything calls a loop, so that whoever waits is told how many there are
+        # before any loop is called, so that the progress report knows how many must be compiled
         prepare(f"mirror_{options.method.name}")
         super().__init__(field, camera.size_px, options)
-        self._look_by(camera)
+        self._use_camera(camera)
         self._warm_up()
 
-    def _look_by(self, camera: OmniCamera) -> None:
+    def _use_camera(self, camera: OmniCamera) -> None:
         """Make all parts that depend on the camera."""
         field, mask, method, directions = self.field, self._mask, self._options.method, self._options.directions
         self.camera = camera
-        # whole cells: as many bearings a direction as come nearest to the usual number from above
+        # a whole number of bearings per direction of the free space, so that there are at least `BEARINGS`
         bearings = directions * -(-BEARINGS // max(directions, 1))
         self.polar = PolarView(camera, bearings, mask)
         self.grid = FreeSpaceGrid(self.polar, directions, self._options.rings, self._options.free_ratio)
@@ -52,13 +52,13 @@ class OmniPipeline(FramePipeline):
         self._localizer = make_mirror_localizer(method, field, camera, self.polar, mask)
         self._ball_finder = BallFinder(field, camera, mask)
         self._ball_projection = MirrorBallProjection(camera, field.ball_radius_m)
-        # of the frame that is looked at
+        # buffers for the samples of the current frame, and their log-likelihood ratios
         self._samples = np.empty((*self.polar.places.shape, 3), dtype=np.uint8)
         self._llr = np.empty(self.polar.places.shape, dtype=np.int8)
         self._nothing = read_only(np.full(bearings, np.nan))
 
     def _make_rules(self) -> outline.OutlineRules:
-        """Return where this camera's samples lie, and what counts as floor and as line."""
+        """Return this camera's sample positions, and the thresholds for floor and lines, for the compiled loop."""
         view, settings = self.polar, self.edge_settings
         rays = self.camera.polar_to_pixel(view.bearing_rad, 1.0) - self.camera.center_px
         marking = FloorMarking(view, self.field.line_width_m, 2 * self.field.robot_radius_m)
@@ -81,9 +81,9 @@ class OmniPipeline(FramePipeline):
         )
 
     def with_camera(self, camera: OmniCamera) -> OmniPipeline:
-        """Return a pipeline of the same settings and colours with another calibration of its camera, compiled."""
+        """Return this pipeline with another calibration of its camera; settings and colours are kept."""
         other = copy(self)
-        other._look_by(camera)
+        other._use_camera(camera)
         return other
 
     def forget(self) -> None:
@@ -106,7 +106,7 @@ class OmniPipeline(FramePipeline):
             prior = self._last_pose.compose(odometry)
         measured = self._measure(frame, t_s)
         if measured is None:
-            return self._blind(begin, t_s, "no floor is found around the robot: too dark, or none in view")
+            return self._view_without_floor(begin, t_s, "no floor is found around the robot: too dark, or none in view")
         evidence, near, outline_s = measured
         table, edge, marks = evidence.table, evidence.edge_px, evidence.marks
         assert table is not None
@@ -162,12 +162,15 @@ class OmniPipeline(FramePipeline):
         )
 
     def measure(self, frame: UInt8Array) -> FrameEvidence | None:
-        """Return what a frame (H, W, 3) shows to a localiser; None where no floor is found around the robot."""
+        """Return the evidence of a frame (H, W, 3) for a localiser; None if no floor is found around the robot."""
         measured = self._measure(self.checked(frame), None)
         return None if measured is None else measured[0]
 
     def _measure(self, frame: UInt8Array, t_s: float | None) -> tuple[FrameEvidence, float, float] | None:
-        """Return the evidence of a frame, its mean floor ratio near the robot, and the outline's seconds."""
+        """Return a frame's evidence, the mean log-likelihood ratio of floor nearby (nats), and the outline's time.
+
+        None if no floor is found around the robot.
+        """
         before = table = self._color_memory.table
         if before is None:
             table, _ = self._color_memory.classify(self.polar.sample(frame), self.polar)
@@ -183,20 +186,20 @@ class OmniPipeline(FramePipeline):
         return FrameEvidence(frame, self.camera, table, self.polar, edge, outermost, marks, t_s), near, outline_s
 
     def _goal_nats(self, pose: PoseEstimate | NotLocated, table: ColorTable) -> float:
-        """Return what the goals' verdict on the half tells of swapped red and blue, nats."""
-        most = self._channel_order.settings.max_nats
+        """Return the log-likelihood ratio of swapped red and blue, nats, by whether goals have decided the half."""
+        max_nats = self._channel_order.settings.max_nats
         if isinstance(pose, SwappedChannels):
-            return most
-        tells = self.field.halves_differ and table.colors.swap_distance >= MIN_DISTANCE
-        return -most if tells and pose and len(pose.candidates) == 1 else 0.0
+            return max_nats
+        can_decide = self.field.halves_differ and table.colors.swap_distance >= MIN_DISTANCE
+        return -max_nats if can_decide and pose and len(pose.candidates) == 1 else 0.0
 
     def _read_floor(
         self, frame: UInt8Array, table: ColorTable
     ) -> tuple[FloatArray, npt.NDArray[np.int64], UInt8Array, float, float]:
-        """Return each bearing's edge of the floor (pixels) and outermost column of floor, and what samples show.
+        """Return the floor's edge (K,), pixels, its outermost column (K,), the marks (K, M), and two means.
 
-        Last, the mean log-likelihood ratios of the floor, in nats in the nearest third of the columns, and as
-        `ColorMemory.follow` takes it. Fills the samples and their ratios.
+        The means are log-likelihood ratios of floor: of the nearest third of the columns, in nats, and of the ring that
+        `ColorMemory.follow` takes. Fills the buffers of samples and ratios.
         """
         view, bearings = self.polar, self.polar.bearings
         outermost, edge = np.empty(bearings, dtype=np.int64), np.empty(bearings)
@@ -220,11 +223,13 @@ class OmniPipeline(FramePipeline):
         """Return the view of a frame that the camera did not give; see `Vision.look`."""
         begin = perf_counter()
         carried, pose = self._carry(odometry, t_s), self._last_pose
-        view = self._blind(begin, t_s, NO_FRAME, carried)
+        view = self._view_without_floor(begin, t_s, NO_FRAME, carried)
         self._last_pose = pose
         return view
 
-    def _blind(self, begin: float, t_s: float | None, reason: str, free_space: FreeSpace | None = None) -> View:
+    def _view_without_floor(
+        self, begin: float, t_s: float | None, reason: str, free_space: FreeSpace | None = None
+    ) -> View:
         self._last_pose = None
         shape = self.polar.valid.shape
         nothing = np.full(len(self.grid.bearing_rad), self.grid.ring_bounds_m[0])
@@ -243,7 +248,7 @@ class OmniPipeline(FramePipeline):
         )
 
     def _warm_up(self) -> None:
-        """Compile, or load from the disk's cache, everything a frame needs, so that no frame pays for it."""
+        """Compile all loops that a frame needs, or load them from the disk's cache, so that no frame is delayed."""
         width, height = self.camera.size_px
         v, u = np.mgrid[:height, :width]
         far = (

@@ -1,6 +1,6 @@
 """The pipeline of a pinhole camera: pose, and the floor over the bearings in view.
 
-Where the camera file has no tilt, the pose gives it frame by frame, and with it the place of the floor.
+Where the camera file has no tilt, each frame's pose gives it, and thereby where the image shows the floor.
 """
 
 from __future__ import annotations
@@ -42,9 +42,10 @@ from robocup_vision.pipeline.floor_tables import FloorTableCache, FloorTables
 from robocup_vision.pipeline.frames import NO_FRAME, FrameOptions, FramePipeline
 from robocup_vision.view import View
 
-# logarithm of the strongest cast of light: white beyond it is some paint
+# The largest log ratio between channels that coloured light gives to white. A view this narrow may show nothing white;
+# stronger colours belong to a ball or a goal.
 _MAX_LOG_CAST = math.log(2.0)
-# of pixels whose mean is the picture's brightness
+# every fourth pixel is enough for the picture's mean brightness
 _LIGHT_STEP = 4
 # a camera of unknown tilt is tried out at this tilt before the first frame, so that its kernels are compiled
 _WARM_UP_TILT_RAD = -0.3
@@ -52,7 +53,11 @@ _WARM_UP_TILT_RAD = -0.3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _FloorSamples:
-    """A frame's floor samples: colours, classifier, likelihoods; each bearing's outermost floor sample and edge."""
+    """A frame's floor samples, at K bearings and M radii.
+
+    `colors` are the samples, `table` classifies them, `llr` (K, M) are their log-likelihood ratios of floor; `columns`
+    (K,) is the index of each bearing's outermost floor sample, -1: none; `edge_px` (K,) is the floor boundary's radius.
+    """
 
     colors: UInt8Array
     table: ColorTable | None
@@ -69,29 +74,28 @@ class PinholePipeline(FramePipeline):
     """Turns frames of a pinhole camera into views."""
 
     def __init__(self, field: Field, camera: PinholeCamera, options: FrameOptions) -> None:
-        # before anything calls a loop, so that whoever waits is told how many there are
+        # before any loop is called, so that the progress report knows how many must be compiled
         prepare(f"pinhole_{options.method.loops}")
         if has_patches(field, camera):
             prepare("patterned_balls")
-        # so narrow a view may show nothing white, but a ball or a goal
         super().__init__(field, camera.size_px, options, _MAX_LOG_CAST)
         method = options.method
         self.camera = camera
         panelled = [goal for goal in field.goals if goal.kind != "posts"]
-        tells = len({goal.color for goal in panelled}) == 2
-        self._goal_points = goal_points(field) if tells else (np.empty((0, 3)), np.empty(0))
+        has_two_colors = len({goal.color for goal in panelled}) == 2
+        self._goal_points = goal_points(field) if has_two_colors else (np.empty((0, 3)), np.empty(0))
         self._localizer = make_pinhole_localizer(method, field, camera)
         self._floors = _floors_of(field, camera, self._mask, options)
-        # as the camera was held in the last frame
+        # for the camera's orientation in the last frame
         self._floor = self._floors.for_camera(camera) if camera.known_orientation else None
         self._ball_finder = BallFinder(field, camera, self._mask)
         self._warm_up(camera if camera.known_orientation else camera.with_orientation(0.0, _WARM_UP_TILT_RAD, 0.0))
         self.forget()
 
     def with_camera(self, camera: PinholeCamera) -> PinholePipeline:
-        """Return a pipeline that goes on with another calibration of its camera: colours, place and tables are kept.
+        """Return this pipeline with another calibration of its camera; colours and the last pose are kept.
 
-        The floor's tables are made again by the next frame.
+        The next frame makes new tables of the floor.
         """
         other = copy(self)
         other.camera = camera
@@ -102,7 +106,7 @@ class PinholePipeline(FramePipeline):
 
     @property
     def polar(self) -> FloorView | None:
-        """The floor samples of the last frame, or of the one to come; None: there are none."""
+        """The floor samples of the last frame, before the first one those of the next; None: no floor is in view."""
         return None if self._floor is None else self._floor.view
 
     @property
@@ -111,7 +115,7 @@ class PinholePipeline(FramePipeline):
         return None if self._floor is None else self._floor.grid
 
     def _warm_up(self, camera: PinholeCamera) -> None:
-        """Compile, or load from the disk's cache, everything a frame needs, so that no frame pays for it."""
+        """Compile all loops that a frame needs, or load them from the disk's cache, so that no frame is delayed."""
         width, height = camera.size_px
         frame = np.full((height, width, 3), (50, 130, 45), dtype=np.uint8)
         self.look(frame)
@@ -158,14 +162,14 @@ class PinholePipeline(FramePipeline):
         frame : (H, W, 3) uint8
             As `checked` returns it.
         camera : PinholeCamera
-            As it is held in this frame.
+            The camera with its orientation in this frame.
         may_search : bool
             See `FrameEvidence`.
         """
         evidence = frame_alone(frame, camera, t_s)
         answer = self._localizer.locate(evidence if may_search else evidence._replace(may_search=False), prior)
         if isinstance(answer.pose, NotLocated):
-            # whatever is missing: a dark picture is why
+            # a dark picture is a frequent cause
             light = f"mean brightness {frame[::_LIGHT_STEP, ::_LIGHT_STEP].mean():.0f} of 255"
             answer = answer._replace(pose=replace(answer.pose, reason=f"{answer.pose.reason} ({light})"))
         return self._in_open_halves(answer, prior)
@@ -173,14 +177,14 @@ class PinholePipeline(FramePipeline):
     def see(
         self, frame: UInt8Array, camera: PinholeCamera, answer: Localization, t_s: float | None, begin: float
     ) -> View:
-        """Return the view of a frame of which the pose is known, the second step of `look`.
+        """Return the view of a frame, given the answer of `locate`: the second step of `look`.
 
         Parameters
         ----------
         answer : Localization
-            What that returned.
+            What `locate` returned.
         begin : float
-            When the look began, by `perf_counter`.
+            Start of the look, by `perf_counter`.
         """
         pose = answer.pose
         timings = {"pose": perf_counter() - begin}
@@ -188,7 +192,7 @@ class PinholePipeline(FramePipeline):
         made = self._floors.for_camera(camera) if camera.known_orientation else None
         if pose and not camera.known_orientation:
             made = self._floors.for_camera(_as_held(answer.camera))
-        # as the pose tells that the body holds it in this frame
+        # the pose includes the camera's orientation in this frame
         held = _as_held(answer.camera) if pose else camera
         held_covariance = answer.held_covariance if pose else None
         if made is None:
@@ -198,7 +202,7 @@ class PinholePipeline(FramePipeline):
         floor = self._floor
         if floor is None:
             self._carried = None
-            # patterned balls say themselves how the camera is tilted
+            # without a floor only patterned balls are found, which show the camera's tilt themselves
             balls = self._ball_finder.find(BallFrame(frame, camera))
             timings["total"] = perf_counter() - begin
             pose = self._unless_swapped(pose)
@@ -267,7 +271,10 @@ class PinholePipeline(FramePipeline):
         )
 
     def _is_on_floor(self, ball: Ball, pose: Pose2) -> bool:
-        """Whether a ball lies on the floor, or would one standard deviation nearer: a nod moves a far one by metres."""
+        """Whether a ball lies on the floor, or would if it were one standard deviation nearer.
+
+        A small error of the tilt moves a far ball by metres.
+        """
         if super()._is_on_floor(ball, pose):
             return True
         place = np.array([ball.x_m, ball.y_m])
@@ -277,7 +284,7 @@ class PinholePipeline(FramePipeline):
         return super()._is_on_floor(replace(ball, x_m=nearer_m * ahead[0], y_m=nearer_m * ahead[1]), pose)
 
     def _goal_nats(self, frame: UInt8Array, camera: PinholeCamera, colors: Colors, robot: Pose2 | None) -> float:
-        """Return what goals of two colours in view tell of swapped red and blue, nats."""
+        """Return the log-likelihood ratio of swapped red and blue, nats, by goals of two colours in view."""
         points, sides = self._goal_points
         if robot is None or not len(points) or colors.swap_distance < MIN_DISTANCE:
             return 0.0
@@ -304,7 +311,7 @@ class PinholePipeline(FramePipeline):
         timings: dict[str, float],
         t_s: float | None,
     ) -> View:
-        """Return a view that shows a pose, or none, and no floor."""
+        """Return a view without a floor, with or without a pose."""
         nothing, none = np.empty(0), np.empty((0, 0), dtype=np.uint8)
         free_space = FreeSpace(nothing, np.empty(0))
         return View(pose, free_space, (), timings, nothing, none, np.empty(0), None, camera, None, t_s)
@@ -323,9 +330,9 @@ class PinholePipeline(FramePipeline):
     def _sample_to_walls(
         self, frame: UInt8Array, floor: FloorTables, pose: PoseEstimate | NotLocated, timings: dict[str, float]
     ) -> tuple[FloorTables, _FloorSamples]:
-        """Sample the floor, once more where the feet of walls that the pose predicts say how the camera is tilted."""
+        """Sample the floor; sample again if the feet of walls, predicted by the pose, give a better tilt."""
         samples = self._sample(frame, floor.view, timings)
-        # a tilt that the pose came with is better than what walls say of it
+        # a tilt estimated together with the pose is better than one by walls
         has_own_tilt = not self.camera.known_orientation
         if not pose or has_own_tilt or not self.field.is_bounded or samples.table is None:
             return floor, samples
@@ -344,16 +351,16 @@ class PinholePipeline(FramePipeline):
         robot: Pose2 | None,
         timings: dict[str, float],
     ) -> tuple[UInt8Array, tuple[Ball, ...], FreeSpace]:
-        """Find what the samples (K, M) show, the balls and the free space, robot frame.
+        """Return the marks of the samples (K, M), and the balls and the free space, robot frame.
 
         Parameters
         ----------
         floor : FloorTables
-            Of the camera's present orientation.
+            Tables for the camera's orientation in this frame.
         robot : Pose2 or None
-            The robot on the field.
+            The robot's pose in the field frame.
         timings : dict
-            Takes what the stages took, seconds.
+            Receives the time of each stage, seconds.
         """
         begin = perf_counter()
         balls: tuple[Ball, ...] = ()
@@ -386,7 +393,7 @@ def _as_held(camera: OmniCamera | PinholeCamera) -> PinholeCamera:
 
 
 def _sway_std_rad(held_covariance: FloatArray | None) -> tuple[float, float] | None:
-    """Return the standard deviations of tilt and roll, where the frame shows them."""
+    """Return the standard deviations of tilt and roll, radians; None where the frame does not show them."""
     if held_covariance is None:
         return None
     return math.sqrt(held_covariance[0, 0]), math.sqrt(held_covariance[1, 1])

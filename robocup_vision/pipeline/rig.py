@@ -1,7 +1,7 @@
-"""The pipeline of several cameras on one body: one pose, the free floor all around, each ball and each thing once.
+"""The pipeline of several cameras on one body: one pose, the free floor all around, each ball and obstacle once.
 
-Each camera measures the body's pose by its own frame; agreeing measurements are multiplied. The pose is that of the
-moment of the look, to which odometry moves what older frames show.
+Each camera measures the body's pose by its own frame; agreeing measurements are fused. The view is of the moment of the
+look; odometry moves the measurements of older frames to it.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ _STILL = Pose2(0.0, 0.0, 0.0)
 
 
 class RigFrames(NamedTuple):
-    """Frames of one look."""
+    """The frames of one look, with their times."""
 
-    frames: tuple[UInt8Array | None, ...]  #: one for each camera; None: it gave none this time
+    frames: tuple[UInt8Array | None, ...]  #: one for each camera; None: it gave no frame
     taken_s: tuple[float | None, ...]  #: when each was taken
-    #: returns the body's motion between two times, in its frame at the first; None where it is not known
+    #: returns the body's motion between two times, in the robot frame at the first; None if it is not known
     motion_between: Callable[[float, float], Pose2 | None]
 
 
@@ -62,9 +62,9 @@ def rig_frames(
     Raises
     ------
     FrameError
-        If the frames are not as many as the cameras.
+        If the number of frames differs from the number of cameras.
     ArgumentError
-        If times are not, or a frame has none where others have.
+        If the number of times does, or a frame has no time where another has.
     """
     count = len(rig)
     if frames is None:
@@ -88,7 +88,7 @@ def rig_frames(
 
 
 class _Shot:
-    """One camera's frame in a look: as it is checked, how the body has moved since, and the answer to it."""
+    """One camera's frame in a look, the body's motion since it was taken, and the pose found by it."""
 
     def __init__(self, number: int, pipeline: PinholePipeline, frame: UInt8Array, taken_s: float | None) -> None:
         self.number, self.pipeline, self.taken_s = number, pipeline, taken_s
@@ -98,7 +98,7 @@ class _Shot:
         self.seconds = 0.0
 
     def locate(self, prior: PoseEstimate | Pose2 | None, *, may_search: bool) -> PoseEstimate | NotLocated:
-        """Locate the body by a prior at the moment of the look; what stands in `answer` is of the frame's own time."""
+        """Locate the body, given a prior at the moment of the look; set `answer`, which is at the frame's time."""
         begin = perf_counter()
         if isinstance(prior, PoseEstimate):
             prior = self.then(prior)
@@ -114,11 +114,11 @@ class _Shot:
         return self.motion != _STILL or bool(self.motion_covariance.any())
 
     def now(self, estimate: PoseEstimate) -> PoseEstimate:
-        """Return an estimate of the frame's time at the moment of the look."""
+        """Move an estimate from the frame's time to the moment of the look."""
         return moved(estimate, self.motion, self.motion_covariance) if self.is_moved else estimate
 
     def then(self, estimate: PoseEstimate) -> PoseEstimate:
-        """Return an estimate of the look's moment at the frame's time."""
+        """Move an estimate from the moment of the look to the frame's time."""
         return moved(estimate, self.motion.inverse(), self.motion_covariance) if self.is_moved else estimate
 
     def see(self, answer: Localization) -> View:
@@ -127,7 +127,7 @@ class _Shot:
 
 
 class _Fused(NamedTuple):
-    """The body's pose at the moment of a look, by the frames and the prior, and by the frames alone."""
+    """The body's pose at the moment of a look: `pose` with the prior, `measurement` without, and the frames used."""
 
     pose: PoseEstimate | NotLocated
     measurement: PoseEstimate | None
@@ -140,10 +140,10 @@ class RigPipeline:
     Parameters
     ----------
     options : tuple of FrameOptions
-        One for each.
+        One for each camera.
     """
 
-    # samples of the floor are a camera's
+    # floor samples belong to one camera, not to a rig
     polar = grid = None
 
     def __init__(self, field: Field, rig: Rig, options: tuple[FrameOptions, ...]) -> None:
@@ -153,13 +153,13 @@ class RigPipeline:
         self.pipelines = tuple(
             PinholePipeline(field, camera, one) for camera, one in zip(rig.cameras, options, strict=True)
         )
-        # in an order that does not depend on that of the file
+        # results must not depend on the order of the cameras in the file
         self._order = sorted(range(len(rig)), key=lambda k: (rig.cameras[k].pan_rad or 0.0, *rig.cameras[k].offset_m))
         self._noise, self._limits = OdometryNoise(), PoseFilterSettings()
         self._last_pose: Pose2 | None = None
 
     def with_rig(self, rig: Rig) -> RigPipeline:
-        """Return a pipeline that goes on with another calibration of its rig: see `PinholePipeline.with_camera`."""
+        """Return this pipeline with another calibration of its rig: see `PinholePipeline.with_camera`."""
         other = copy(self)
         other.rig = rig
         other.pipelines = tuple(
@@ -175,12 +175,12 @@ class RigPipeline:
 
     @property
     def colors(self) -> Colors | None:
-        """Those of the first camera that has any."""
+        """The colours of the first camera that has any."""
         return next((pipeline.colors for pipeline in self.pipelines if pipeline.colors is not None), None)
 
     @property
     def swapped_channels_nats(self) -> float:
-        """See `Vision.swapped_channels_nats`: of all cameras."""
+        """See `Vision.swapped_channels_nats`: the sum over all cameras."""
         return sum(pipeline.swapped_channels_nats for pipeline in self.pipelines)
 
     def look(
@@ -194,14 +194,14 @@ class RigPipeline:
         if not shots:
             return replace(self.drop(t_s, odometry), warnings=warnings)
         located = self._locate(shots, prior)
-        seen = {shot.number: shot.see(self._of_the_body(shot, located)) for shot in shots}
+        seen = {shot.number: shot.see(self._body_localization(shot, located)) for shot in shots}
         views = tuple(
             seen[k] if k in seen else pipeline.drop(t_s, odometry) for k, pipeline in enumerate(self.pipelines)
         )
         pose, measurement = _unless_swapped(located, views)
         self._last_pose = pose.pose if pose else None
         motions = tuple(next((s.motion for s in shots if s.number == k), _STILL) for k in range(len(views)))
-        return self._joined(views, motions, pose, measurement, t_s, begin, warnings)
+        return self._joined_view(views, motions, pose, measurement, t_s, begin, warnings)
 
     def drop(self, t_s: float | None = None, odometry: Pose2 | None = None) -> View:
         """Return the view of a moment at which no camera gave a frame."""
@@ -209,10 +209,10 @@ class RigPipeline:
         views = tuple(pipeline.drop(t_s, odometry) for pipeline in self.pipelines)
         known = self._last_pose if odometry is not None else None
         self._last_pose = None if known is None or odometry is None else known.compose(odometry)
-        return self._joined(views, (_STILL,) * len(views), NotLocated(NO_FRAME), None, t_s, begin, ())
+        return self._joined_view(views, (_STILL,) * len(views), NotLocated(NO_FRAME), None, t_s, begin, ())
 
     def _shots(self, given: RigFrames, t_s: float | None) -> tuple[list[_Shot], tuple[str, ...]]:
-        """Return the frames that came, and warnings of those that came too late."""
+        """Return the frames to be used, and warnings about those that are too old."""
         shots: list[_Shot] = []
         warnings: list[str] = []
         for number, pipeline in enumerate(self.pipelines):
@@ -240,7 +240,7 @@ class RigPipeline:
         return sorted(shots, key=lambda shot: self._order.index(shot.number)), tuple(warnings)
 
     def _hint(self, number: int, frame: object) -> str:
-        """Return whose frame one of a wrong size may be."""
+        """Return a hint at the camera that a frame of a wrong size may be from."""
         for other, camera in enumerate(self.rig.cameras):
             width, height = camera.size_px
             if other != number and getattr(frame, "shape", None) == (height, width, 3):
@@ -250,13 +250,13 @@ class RigPipeline:
     def _locate(self, shots: list[_Shot], prior: PoseEstimate | Pose2 | None) -> _Fused:
         """Locate the body by all frames.
 
-        Each camera follows the prior. Where none does, or there is no prior, they search one after the other; as soon
-        as one has found a single place, the others follow that.
+        Each camera follows the prior. Where no camera can, or there is no prior, they search one after the other. As
+        soon as one has found an unambiguous pose, the others follow that.
         """
         alone = len(shots) == 1
         followed: list[_Shot] = []
         if prior is not None or alone or not self._by_edges:
-            # a search is long: where one camera follows the prior no other one needs it
+            # a search takes long, and is not needed where at least one camera follows the prior
             for shot in shots:
                 shot.locate(prior, may_search=alone or not self._by_edges)
             followed = [shot for shot in shots if shot.answer is not None and shot.answer.pose]
@@ -298,7 +298,7 @@ class RigPipeline:
             )
             return _Fused(NotLocated(f"the cameras disagree on where the robot is: {places}"), None)
         chosen = groups[0]
-        # the prior counts once: in the pose of one camera, beside what the others measured without it
+        # the prior must count once: it is in the pose of `first`, which is fused with measurements without the prior
         first = next((k for k in chosen if _has_prior(located[k])), chosen[0])
         answer = located[first].answer
         assert answer is not None
@@ -310,8 +310,8 @@ class RigPipeline:
                 pose, together = fused(pose, measured[k]) or pose, fused(together, measured[k]) or together
         return _Fused(pose, together, tuple(located[k] for k in chosen))
 
-    def _of_the_body(self, shot: _Shot, located: _Fused) -> Localization:
-        """Return a camera's answer with the body's pose in place of its own."""
+    def _body_localization(self, shot: _Shot, located: _Fused) -> Localization:
+        """Return a camera's answer with its pose replaced by the body's fused pose."""
         answer = shot.answer
         assert answer is not None
         if isinstance(located.pose, NotLocated):
@@ -321,10 +321,10 @@ class RigPipeline:
         measurement = partial(_measured, shot) if answer.pose else None
         is_of_it = any(other is shot for other in located.shots)
         answer = answer._replace(pose=shot.then(located.pose), measurement=measurement)
-        # how a camera is held that took the body for elsewhere is as wrong
+        # a camera that located the body elsewhere has estimated its mounting from the wrong pose
         return answer if is_of_it else answer._replace(camera=shot.pipeline.camera, held_covariance=None)
 
-    def _joined(
+    def _joined_view(
         self,
         views: tuple[View, ...],
         motions: tuple[Pose2, ...],
@@ -375,7 +375,10 @@ class RigPipeline:
 
 
 def _unless_swapped(located: _Fused, views: tuple[View, ...]) -> tuple[PoseEstimate | NotLocated, PoseEstimate | None]:
-    """Return the body's pose and measurement, or what of them holds if a camera shows red and blue swapped."""
+    """Return the body's pose and measurement, corrected where a camera shows swapped red and blue channels.
+
+    A camera's `SwappedChannels` replaces the pose; candidates of both halves are kept where a camera kept both.
+    """
     pose, measurement = located.pose, located.measurement
     swapped = next((view.pose for view in views if isinstance(view.pose, SwappedChannels)), None)
     if swapped is not None or isinstance(pose, NotLocated):
@@ -386,7 +389,7 @@ def _unless_swapped(located: _Fused, views: tuple[View, ...]) -> tuple[PoseEstim
 
 
 def _measured(shot: _Shot) -> PoseEstimate:
-    """Return what a located camera measured without the prior."""
+    """Return the pose that a located camera measured without the prior."""
     assert shot.answer is not None
     assert isinstance(shot.answer.pose, PoseEstimate)
     return shot.answer.pose if shot.answer.measurement is None else shot.answer.measurement()
@@ -403,10 +406,10 @@ def _reason(shot: _Shot) -> str:
 
 
 def _floor_of(view: View, motion: Pose2) -> SeenFloor | None:
-    """Return the free space of a camera at the moment of the look; None where it shows none."""
+    """Return the free space of a camera at the moment of the look; None if it shows none."""
     free_space, grid = view.free_space, view.grid
     if grid is None:
-        # of a frame that was not given, carried from the one before: nothing is known of how near and far it was seen
+        # no frame was given, and the free space is that of the frame before: its nearest and farthest view are unknown
         if not len(free_space.bearing_rad) or not free_space.range_m.any():
             return None
         nothing = np.zeros(len(free_space.bearing_rad))
@@ -414,5 +417,5 @@ def _floor_of(view: View, motion: Pose2) -> SeenFloor | None:
     if motion == _STILL:
         return SeenFloor(free_space, grid.nearest_m, grid.farthest_m)
     carried = carry_free_space(free_space, motion)
-    # by as much as it was free beyond what is in view then
+    # the view reached as far beyond the free range as it did at the frame's time
     return SeenFloor(carried, grid.nearest_m, carried.range_m + (grid.farthest_m - free_space.range_m))

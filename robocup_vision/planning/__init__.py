@@ -1,4 +1,4 @@
-"""Plans from estimates of opponents, floor and pose: where to look, which gap to take, how fast to go, how to shoot."""
+"""Planning with estimates of opponents, floor and pose: where to look, which gap to take, speeds, and shots."""
 
 from robocup_vision.disc import Disc
 from robocup_vision.motion_limits import MotionLimits

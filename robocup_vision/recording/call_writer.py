@@ -1,7 +1,7 @@
-"""The calls of a run and its messages, written to an MCAP file by a thread of its own.
+"""Writes the calls of a run and its messages to an MCAP file, in a thread of its own.
 
-The loop only hands over what there is to write: it is encoded, compressed and written by the thread, in chunks of less
-than a second. A cut file reads up to its last chunk.
+The robot's loop only hands over values. The thread encodes, compresses and writes them, in chunks of less than a
+second. A truncated file can be read up to its last complete chunk.
 """
 
 from __future__ import annotations
@@ -48,11 +48,11 @@ Compression = Literal["lz4", "zstd", "none"]
 COMPRESSIONS: tuple[Compression, ...] = ("lz4", "zstd", "none")
 CALL_TOPIC = "/robocup_vision/calls"
 RUN_ATTACHMENT, VERSIONS_ATTACHMENT = "run.json", "versions.json"
-# that results may depend on
+# packages on whose version results may depend
 _PACKAGES = ("robocup-vision", "numpy", "numba", "opencv-python-headless")
-# largest age and size of a chunk: what a crash can cost, and what a reader must hold in memory
+# largest age and size of a chunk: a crash loses at most one, and a reader holds one in memory
 _CHUNK_S, _CHUNK_BYTES = 0.5, 1 << 20
-# the loop is at rest when its last call ended so long ago; what has waited longer than this is written all the same
+# The loop counts as idle this long after its last call. Jobs that have waited for the second time are written anyway.
 _REST_S, _MAX_WAIT_S = 0.002, 0.25
 
 Job = Callable[[], Iterable[Outgoing]]
@@ -65,18 +65,17 @@ class RecorderSettings:
     Parameters
     ----------
     image_format : {"raw", "png", "jpeg"}
-        "raw" and "png" replay bit for bit; "jpeg" is a tenth as large, and a replay sees other pixels than the run did.
+        "raw" and "png" replay bit for bit; "jpeg" is a tenth as large, but a replay sees other pixels than the run did.
     compression : {"lz4", "zstd", "none"}
-        Of the file's chunks; "zstd" makes it smaller by a tenth and takes five times as long, in the thread.
+        Compression of the file's chunks; "zstd" makes the file smaller by a tenth, and takes five times as long.
     max_waiting_bytes : int
-        Of what waits to be written.
+        Largest size of all jobs that wait to be written.
     when_full : {"wait", "drop"}
-        Beyond that the loop waits for the disk, or frames are left out, counted and noted: then it cannot be replayed
-        bit for bit.
+        Beyond that size the loop waits for the disk, or calls are dropped and counted: then a replay is not exact.
     prefix : str
-        Before every topic's name.
+        Precedes every topic's name.
     markings : bool
-        Whether each frame's markings are kept, too: the thread takes longer to find them than a look takes.
+        Whether each frame's markings are recorded. Finding them takes the thread longer than a look takes.
 
     Raises
     ------
@@ -102,9 +101,9 @@ class RecorderSettings:
 
 
 class CallWriter(Closing):
-    """Writes the calls of a run of any loop, and messages beside them, in the order they are handed over.
+    """Writes calls, and messages beside them, in the order in which the robot's loop hands them over.
 
-    A file that is there is replaced. Further classes of values in the calls are given as class name to module.
+    An existing file is replaced. `types` names further classes of values in the calls: class name to module.
 
     Raises
     ------
@@ -135,7 +134,7 @@ class CallWriter(Closing):
         kind = CompressionType[settings.compression.upper()]
         self._writer: Any = Writer(self._stream, chunk_size=_CHUNK_BYTES, compression=kind)
         self._writer.start(profile="ros2", library=f"robocup-vision {_version('robocup-vision')}")
-        # first, so that a cut file has them
+        # first, so that a truncated file has them
         for name, media_type, data in _attachments(run, self._codec):
             now = time.time_ns()
             self._writer.add_attachment(now, now, name, media_type, data)
@@ -153,12 +152,12 @@ class CallWriter(Closing):
 
     @property
     def clock_s(self) -> float:
-        """Seconds since the recording began: the time of calls that have none of their own."""
+        """Seconds since the recording began: the time of calls that have no time of their own."""
         return time.monotonic() - self._begin_s
 
     @property
     def dropped(self) -> int:
-        """How many calls were left out, with `when_full` "drop"."""
+        """Number of calls and messages dropped, with `when_full` "drop"."""
         return self._dropped
 
     def add_call(
@@ -175,13 +174,13 @@ class CallWriter(Closing):
         Parameters
         ----------
         inputs : mapping
-            What it took, but for the frame; must not change any more.
+            The call's arguments except the frame; they must not change afterwards.
         make_outputs : callable
-            Returns what it gave; called in the writer's thread.
+            Returns the call's results; called in the writer's thread.
         make_messages : callable
-            Returns the messages that go before the call; likewise.
+            Returns the messages that precede the call; called in the writer's thread.
         size_bytes : int
-            About what it holds in memory.
+            Approximate memory that the call holds until it is written.
         """
         number, self._number = self._number, self._number + 1
 
@@ -194,10 +193,10 @@ class CallWriter(Closing):
         self.add_messages(job, size_bytes)
 
     def add_messages(self, job: Job, size_bytes: int = 0) -> None:
-        """Write messages, such as truth, which `job` returns in the writer's thread; it holds about so many bytes.
+        """Write the messages that `job`, called in the writer's thread, returns, such as those of the truth.
 
-        What it refers to must not change any more. Raises RobocupVisionError if an earlier message could not be made or
-        written: the file ends before it.
+        `size_bytes` is the approximate memory of the values that it refers to, which must not change afterwards. Raises
+        RobocupVisionError if an earlier message could not be made or written; the file then ends before that message.
         """
         with self._changed:
             if self._problem is not None:
@@ -213,10 +212,10 @@ class CallWriter(Closing):
 
     @contextmanager
     def in_call(self) -> Iterator[None]:
-        """While this is entered, the robot's loop is at work: the thread waits until it rests.
+        """Mark the robot's loop as busy while the context is entered: the thread waits until it is idle.
 
-        Two threads share one interpreter: messages made while the loop computes would hold it up. What has waited for a
-        quarter of a second is written all the same.
+        Both threads share one interpreter, so making messages would delay the loop. A job that has waited for a quarter
+        of a second is written even while the loop is busy.
         """
         self._calls_now += 1
         try:
@@ -226,7 +225,7 @@ class CallWriter(Closing):
             self._rest_from_s = time.monotonic() + _REST_S
 
     def close(self) -> None:
-        """Write what waits and the file's index, and close it; raises as `add_messages`."""
+        """Write the waiting jobs and the file's index, and close the file; raises as `add_messages`."""
         with self._changed:
             if self._is_closing:
                 return
@@ -269,7 +268,7 @@ class CallWriter(Closing):
             except RobocupVisionError as error:
                 self._fail(error)
                 return
-            except Exception as error:  # the loop must learn of it, and not wait for ever
+            except Exception as error:  # the loop gets it at its next call; otherwise it would wait for ever
                 self._fail(RobocupVisionError(f"{self.path}: internal error: {type(error).__name__}: {error}"))
                 return
             with self._changed:
@@ -277,7 +276,7 @@ class CallWriter(Closing):
                 self._changed.notify_all()
 
     def _wait_for_rest(self, came_s: float) -> None:
-        """Wait while the loop is at work, but not for ever."""
+        """Wait until the loop is idle, or the job has waited for `_MAX_WAIT_S`."""
         while not self._is_closing:
             now_s = time.monotonic()
             if now_s > came_s + _MAX_WAIT_S or not (self._calls_now or now_s < self._rest_from_s):
@@ -310,7 +309,7 @@ class CallWriter(Closing):
 
 
 def _qos(topic: str) -> str:
-    """Quality of service as rosbag2 writes it; what stays true for late listeners is transient local."""
+    """Return the quality of service as rosbag2 writes it; topics for late subscribers are transient local."""
     durability = "transient_local" if topic in ("/tf_static", "/map") else "volatile"
     return (
         "- history: keep_last\n  depth: 10\n  reliability: reliable\n"
@@ -322,7 +321,7 @@ def _qos(topic: str) -> str:
 
 
 def _attachments(run: Run, codec: ValueCodec) -> list[tuple[str, str, bytes]]:
-    """Return what a recording carries with it: the run, exactly; camera and colours as their own files; versions."""
+    """Return name, media type and bytes of each attachment: the run, camera, colours and field, and the versions."""
     files = [(RUN_ATTACHMENT, "application/json", codec.to_json(run))]
     with TemporaryDirectory() as folder:
         camera, colors = Path(folder) / "camera.toml", Path(folder) / "colors.toml"

@@ -1,7 +1,7 @@
-"""One call of the loop, with its very inputs and outputs: what a replay makes again, and compares.
+"""One call of the loop with its exact inputs and outputs, which a replay repeats and compares.
 
-Outputs are told by the values that a report shows, and by a digest of everything: two equal digests are two outputs
-that agree in every bit.
+Outputs are recorded as the values that a report shows, and a digest of everything: if two digests are equal, the
+outputs agree in every bit.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from robocup_vision.view import View
 
 # the calls of loop "vision"; other loops have kinds of their own
 LOOK, PREDICT, STEER, FORGET = "look", "predict", "steer", "forget"
-# the input of a look that had no frame
+# input that marks a look without a frame
 DROPPED = "is_dropped"
 
 
@@ -32,17 +32,17 @@ DROPPED = "is_dropped"
 class Call:
     """One call."""
 
-    number: int  #: 0, 1, ... in the order of the run.
+    number: int  #: 0, 1, ... in the order of the run
     kind: str  #: what was called
-    t_s: float  #: the time it was about, or else of the recording's clock
-    #: what it took, but for the frame, and what it gave
+    t_s: float  #: time that the call refers to, else the time of the recording's clock
+    #: inputs except for the frame, and outputs
     inputs: Mapping[str, Any]
     outputs: Mapping[str, Any]
     frame: UInt8Array | None = None  #: (H, W, 3) uint8: BGR
 
 
 def look_outputs(view: View) -> dict[str, Any]:
-    """Return what a look gave: pose, ball, believed pose and the digest of the whole view but its timings."""
+    """Return the outputs of a look: pose, ball, believed pose and the digest of the view."""
     return {
         "pose": view.pose,
         "ball": view.ball,
@@ -52,7 +52,7 @@ def look_outputs(view: View) -> dict[str, Any]:
 
 
 def steer_outputs(command: SteeringCommand) -> dict[str, Any]:
-    """Return what steering gave: velocity, whether it is safe, why, and the digest of all."""
+    """Return the outputs of steering: velocity, whether it is safe, the reason, and the digest of the command."""
     digest = _Digest()
     digest.add_array(command.velocity_mps)
     digest.add_array(command.time_to_contact_s)
@@ -67,7 +67,7 @@ def steer_outputs(command: SteeringCommand) -> dict[str, Any]:
 
 
 def view_digest(view: View) -> str:
-    """Return a digest of all that a frame shows and of what is believed after it; timings are not in it."""
+    """Return a digest of a view's results and belief, without its timings."""
     digest = _Digest()
     digest.add_estimate(view.pose)
     digest.add_estimate(view.measurement)

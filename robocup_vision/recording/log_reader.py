@@ -1,6 +1,6 @@
-"""An MCAP file read part by part, whole or cut: a cut one ends at its last whole chunk, or message outside of chunks.
+"""Reads an MCAP file part by part; a truncated one up to its last complete chunk, or message outside of chunks.
 
-Nothing of it is looked up in an index, which other programs may leave out.
+The file's index is not used, since other programs may omit it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from field_models.errors import FileError
 from robocup_vision.messages.types import require_ros_extra
 
 _MAGIC = b"\x89MCAP0\r\n"
-# of a record: opcode and length; of a chunk: first and last time; of a message: channel, number, time
+# layouts: a record's opcode and length; a chunk's first and last time; a message's channel, number and times
 _RECORD = struct.Struct("<BQ")
 _CHUNK_TIMES = struct.Struct("<QQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
@@ -24,7 +24,7 @@ _CDR = "cdr"
 
 
 class Logged(NamedTuple):
-    """One message as it stands in a file: topic, type's name, time in nanoseconds, and CDR."""
+    """One encoded message of a file: topic, name of its type, time in nanoseconds, and CDR bytes."""
 
     topic: str
     type_name: str
@@ -33,7 +33,7 @@ class Logged(NamedTuple):
 
 
 class _Place(NamedTuple):
-    """Where a chunk is, or a message that is in none."""
+    """Position and time span of a chunk, or of a message outside of chunks."""
 
     offset: int
     length: int
@@ -43,21 +43,21 @@ class _Place(NamedTuple):
 
 
 class LogReader:
-    """Reads the messages of an MCAP file in the order they were written.
+    """Reads the messages of an MCAP file in the order in which they were written.
 
     Attributes
     ----------
     attachments : dict of str to bytes
         Contents by name.
     notes : dict of str to str
-        What its writer noted when it closed the file; empty for a cut file.
+        Metadata that the writer added when it closed the file; empty for a truncated file.
     is_whole : bool
-        Whether its writer closed it; False: it was cut off.
+        Whether the writer closed the file; False: it is truncated.
 
     Raises
     ------
     FileError
-        If it cannot be read, or is no MCAP file.
+        If the file cannot be read, or is not an MCAP file.
     RobocupVisionError
         If the extra `ros` is not installed.
     """
@@ -69,7 +69,7 @@ class LogReader:
         self.notes: dict[str, str] = {}
         self.is_whole = False
         self._places: list[_Place] = []
-        # of the summary at the end, which a cut file has not
+        # from the summary at the end, which a truncated file does not have
         self._schemas: dict[int, str] = {}
         self._channels: dict[int, tuple[str, str]] = {}
         self._has_end = False
@@ -81,15 +81,15 @@ class LogReader:
 
     @property
     def topics(self) -> dict[str, str]:
-        """Names of the messages' types by topic; what is in no CDR has its encoding behind the type's name."""
+        """Names of the messages' types by topic; an encoding other than CDR is appended to the name."""
         if self._has_end and self._channels:
             return dict(self._channels.values())
-        # without a summary, channels are known from the chunks alone
+        # without a summary, only the chunks contain the channels
         return {logged.topic: logged.type_name for logged in self.messages(on_damage=lambda problem: None)}
 
     @property
     def span_ns(self) -> tuple[int, int] | None:
-        """First and last time of its messages; None where there are none."""
+        """First and last time of the messages; None if there are none."""
         if not self._places:
             return None
         return min(place.first_ns for place in self._places), max(place.last_ns for place in self._places)
@@ -97,10 +97,10 @@ class LogReader:
     def messages(
         self, from_ns: int | None = None, to_ns: int | None = None, on_damage: Callable[[str], None] | None = None
     ) -> Iterator[Logged]:
-        """Yield the messages between two times, both included, in the order they were written.
+        """Yield the messages between two times, both included, in the order in which they were written.
 
-        `on_damage` takes what is wrong with a chunk that cannot be read, and is left out; without it a FileError is
-        raised.
+        `on_damage` is called with the problem of each unreadable chunk, which is then skipped; without it a FileError
+        is raised.
         """
         from mcap.records import Channel, Message, Schema
 
@@ -111,7 +111,7 @@ class LogReader:
                 is_outside = (to_ns is not None and place.first_ns > to_ns) or (
                     from_ns is not None and place.last_ns < from_ns
                 )
-                # without a summary, channels are known from the chunks before alone
+                # without a summary, no chunk may be skipped, since each may define channels of later ones
                 if is_outside and is_known:
                     continue
                 try:
@@ -143,7 +143,7 @@ class LogReader:
         return list(breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True))
 
     def _scan(self, stream: IO[bytes]) -> None:
-        """Find chunks and messages by their records' headers, without reading what is in them."""
+        """Find chunks and messages by the headers of records, without reading their content."""
         if stream.read(len(_MAGIC)) != _MAGIC:
             raise FileError(self.path, "is not an MCAP file")
         size = self.path.stat().st_size
@@ -159,7 +159,7 @@ class LogReader:
                 self._take_record(stream, opcode, offset, length)
             except OSError:
                 raise
-            except Exception:  # damaged, as mcap, struct or the text's encoding find it: what follows has no meaning
+            except Exception:  # the record is damaged, so that the rest of the file cannot be interpreted
                 break
             stream.seek(offset + length)
 

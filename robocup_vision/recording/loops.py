@@ -1,6 +1,6 @@
-"""The loops that a recording can be of, and how each makes its calls again.
+"""The kinds of loops that can be recorded, and how each repeats its calls.
 
-A loop is named in the recording. "vision" is that of `Vision` and `Steering`, called by `Recorder`. Other packages
+A recording names its loop. "vision" is the loop of `Vision` and `Steering`, recorded by `Recorder`. Other packages
 register theirs, such as a simulated player, as entry points of the group ``robocup_vision.loops``: `LoopKind`.
 """
 
@@ -28,23 +28,23 @@ GROUP = "robocup_vision.loops"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Changes:
-    """What a replay does otherwise than the run; None: as it was."""
+    """Settings that a replay changes; None: as in the run."""
 
-    #: as of `Vision`
+    #: as in `Vision`
     field: Field | None = None
     camera: OmniCamera | PinholeCamera | None = None
     colors: Colors | None = None
     method: str | None = None
-    memory: bool | None = None  #: with a memory of everything, or with none
+    memory: bool | None = None  #: True: with a memory of everything; False: without memory
 
     @property
     def any(self) -> bool:
-        """Whether there are any."""
+        """Whether anything is changed."""
         return any(value is not None for value in (self.field, self.camera, self.colors, self.method, self.memory))
 
 
 class FrameStep(NamedTuple):
-    """What a call tells of a frame: whether it looks at one, when, and how the robot had moved."""
+    """What a call says of a frame: whether it processes one, its time, and the robot's motion before it."""
 
     looks: bool
     t_s: float | None = None
@@ -54,17 +54,17 @@ class FrameStep(NamedTuple):
 
 
 def mounting_of(pan_rad: float | None, mounting: Mounting | None = None) -> Mounting | None:
-    """Return how a head held the camera, by the two arguments of `Vision.look`."""
+    """Return the camera's mounting by two arguments of `Vision.look`; the pan angle replaces that of the mounting."""
     if pan_rad is None:
         return mounting
     return Mounting(pan_rad=pan_rad) if mounting is None else replace(mounting, pan_rad=pan_rad)
 
 
 class Loop(Protocol):
-    """Makes the calls of a run again."""
+    """Repeats the calls of a run."""
 
     def call(self, call: Call) -> Mapping[str, Any]:
-        """Make one call; return its outputs, of the same keys as the recorded ones."""
+        """Repeat one call; return its outputs, with the same keys as the recorded ones."""
         ...
 
 
@@ -73,15 +73,15 @@ class LoopKind(Protocol):
 
     @property
     def types(self) -> Mapping[str, str]:
-        """Classes of values in its calls, beside the library's own: class name to module."""
+        """Classes of values in its calls, other than the library's own: class name to module."""
         ...
 
     def make(self, run: Run, changes: Changes) -> Loop:
-        """Make the loop of a run as it was when it began, but for the changes."""
+        """Make the loop of a run in its initial state, with the changes applied."""
         ...
 
     def frame_step(self, kind: str, inputs: Mapping[str, Any]) -> FrameStep:
-        """Return what a call tells of a frame."""
+        """Return what a call says of a frame."""
         ...
 
 
@@ -91,12 +91,12 @@ class VisionLoopKind:
     types: Mapping[str, str] = {}
 
     def make(self, run: Run, changes: Changes) -> Loop:
-        """Make it; see `LoopKind`.
+        """Make the loop; see `LoopKind`.
 
         Raises
         ------
         ArgumentError
-            If the changes do not fit one another.
+            If the recording does not hold the settings of its Vision, or another kind of camera comes without a method.
         """
         if run.vision is None:
             raise ArgumentError("the recording does not say what its Vision was made of")
@@ -112,7 +112,7 @@ class VisionLoopKind:
         return _VisionLoop(replace(run, vision=new))
 
     def frame_step(self, kind: str, inputs: Mapping[str, Any]) -> FrameStep:
-        """Return what a call tells of a frame; see `LoopKind`."""
+        """Return what a call says of a frame; see `LoopKind`."""
         if kind == PREDICT:
             return FrameStep(False, odometry=inputs["odometry"])
         if kind != LOOK:
@@ -158,12 +158,12 @@ class _VisionLoop:
 
 
 def loop_kind(name: str) -> LoopKind:
-    """Return the kind of loop of a name.
+    """Return the kind of loop with a name.
 
     Raises
     ------
     RobocupVisionError
-        If no installed package brings it.
+        If no installed package registers it.
     """
     if name == "vision":
         return VisionLoopKind()

@@ -1,6 +1,6 @@
-"""Records a robot's run while it runs: frames and messages for people, exact calls for the replay.
+"""Records a run while it runs: frames and messages for viewers, and exact calls for the replay.
 
-The loop's own time goes into handing over references, and a copy of the frame; a thread makes and writes messages.
+The robot's loop only hands over references and a copy of the frame; a thread makes and writes the messages.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from robocup_vision.vision import Vision
 
 
 class Recorder(Closing):
-    """Records what a `Vision` and a `Steering` take and give.
+    """Records the arguments and results of the calls of a `Vision` and a `Steering`.
 
-    Call `look`, `predict`, `steer` and `forget` of this object instead of theirs; or call theirs, and hand over what
-    went in and came out (`add_look`). Begin before the first frame, or after `forget`: then `robocup-vision replay`
-    makes the same run again, bit for bit.
+    Call `look`, `predict`, `steer` and `forget` of this object instead of theirs; or call theirs, and hand over
+    arguments and results (`add_look`). If the recording starts before the first frame, or after `forget`,
+    `robocup-vision replay` repeats the run bit for bit.
 
     Parameters
     ----------
     path : str or Path
-        The file, ``.mcap``; one that is there is replaced.
+        The file, ``.mcap``; an existing one is replaced.
     steering : Steering, optional
-        What steers.
+        The object that steers.
 
     Raises
     ------
@@ -72,7 +72,7 @@ class Recorder(Closing):
 
     @property
     def dropped(self) -> int:
-        """How many calls were left out, with `when_full` "drop"."""
+        """Number of calls and messages dropped, with `when_full` "drop"."""
         return self._calls.dropped
 
     def look(
@@ -84,7 +84,7 @@ class Recorder(Closing):
         pan_rad: float | None = None,
         mounting: Mounting | None = None,
     ) -> View:
-        """Look, and record it: `Vision.look`."""
+        """Call `Vision.look`, and record the call."""
         with self._calls.in_call():
             view = self._vision.look(frame, t_s, odometry, prior, pan_rad, mounting)
             self.add_look(view, frame, t_s, odometry, prior, pan_rad, mounting)
@@ -100,18 +100,18 @@ class Recorder(Closing):
         pan_rad: float | None = None,
         mounting: Mounting | None = None,
     ) -> None:
-        """Record a look that has been made: the view, and what `Vision.look` was called with."""
+        """Record a look that has been made: the view, and the arguments of `Vision.look`."""
         self._view = view
         at_s = self._at(t_s)
         inputs: dict[str, Any] = {"t_s": t_s, "odometry": odometry, "prior": prior, "pan_rad": pan_rad}
         if mounting is not None:
             inputs["mounting"] = mounting
-        # recordings hold BGR, whatever the camera gives
+        # recordings hold BGR, whichever order the camera uses
         kept = None if frame is None else own_frame(to_bgr(cast("UInt8Array", frame), self._vision.channels))
         if kept is None:
             inputs[DROPPED] = True
         topics = self._calls.topics
-        # the writer looks for markings when the caller may have gone on with another frame
+        # the writer finds markings later, when the caller may have overwritten the frame
         shown = view if kept is None else view.of_frame(kept)
 
         def messages() -> Iterator[Outgoing]:
@@ -125,7 +125,7 @@ class Recorder(Closing):
         self._calls.add_call(LOOK, at_s, inputs, lambda: look_outputs(view), messages, size_bytes)
 
     def predict(self, odometry: Pose2, t_s: float) -> None:
-        """Move what memory believes, and record it: `Vision.predict`."""
+        """Call `Vision.predict`, and record the call."""
         self._vision.predict(odometry, t_s)
         self._t_s = t_s
         topics = self._calls.topics
@@ -142,7 +142,7 @@ class Recorder(Closing):
         moving: Sequence[Disc] = (),
         speed_mps: float | None = None,
     ) -> SteeringCommand:
-        """Steer, and record it: `Steering.steer`.
+        """Call `Steering.steer`, and record the call.
 
         Raises
         ------
@@ -156,7 +156,7 @@ class Recorder(Closing):
             command = self._steering.steer(
                 free_space, velocity_mps, target_bearing_rad, target_distance_m, pending_mps, moving, speed_mps
             )
-        # of the view itself: a replay with other settings then steers by what that one shows
+        # the view's own free space is not recorded, so that a replay with other settings steers by its own view
         of_view = self._view is not None and free_space is self._view.free_space
         inputs = {
             "free_space": None
@@ -177,7 +177,7 @@ class Recorder(Closing):
         return command
 
     def forget(self) -> None:
-        """Make `Vision` and `Steering` forget, and record it."""
+        """Call `forget` of `Vision` and `Steering`, and record the call."""
         self._vision.forget()
         if self._steering is not None:
             self._steering.forget()
@@ -189,12 +189,12 @@ class Recorder(Closing):
         self._calls.add_call(FORGET, at_s, {}, dict, list)
 
     def add_truth(self, robot: Pose2, t_s: float, ball_m: tuple[float, float] | None = None) -> None:
-        """Record where the robot, and the ball, truly were: topics of their own, which no replay reads."""
+        """Record the true pose of the robot, and of the ball, on topics that replays do not read."""
         topics = self._calls.topics
         self._calls.add_messages(lambda: topics.of_truth(robot, t_s, ball_m))
 
     def close(self) -> None:
-        """Write what waits, and close the file; raises as `CallWriter.close`."""
+        """Write the waiting calls, and close the file; raises as `CallWriter.close`."""
         self._calls.close()
 
     def _at(self, t_s: float | None) -> float:
@@ -205,7 +205,7 @@ class Recorder(Closing):
 
 
 def own_frame(frame: UInt8Array) -> UInt8Array:
-    """Return a frame, or a copy of it where somebody else may write to it."""
+    """Return a frame, or a copy of it if the caller may still write to it."""
     if frame.base is None and not frame.flags.writeable:
         return frame
     return np.array(frame)

@@ -1,4 +1,4 @@
-"""A recording read back: what ran, its calls one by one with their frames, and the messages beside them."""
+"""Reads a recording: the description of the run, its calls one by one with their frames, and its messages."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ _TRUTH, _COMMAND = "/truth/pose", "/cmd_vel"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RecordedFrame:
-    """One frame of a recording, with what `Vision.look` was called with.
+    """One frame of a recording, with the arguments of `Vision.look`.
 
     Parameters
     ----------
     t_s : float
-        When it was taken.
+        Time of the frame.
     frame : (H, W, 3) uint8
         BGR.
     odometry : Pose2 or None
-        The robot's motion since the frame before, in its frame then; None where nobody knows.
+        The robot's motion since the frame before, in the robot frame at that time; None: unknown.
     prior : PoseEstimate, Pose2 or None
-        As the call had it.
+        The prior of the call.
     mounting : Mounting or None
-        How a head held the camera; None: as the camera file says.
+        Mounting of the camera on a head; None: as in the camera file.
     """
 
     t_s: float
@@ -56,14 +56,14 @@ class RecordedFrame:
 
 
 class Recording:
-    """A file that a `Recorder` has written, whole or cut.
+    """A file that a `Recorder` has written; it may be truncated.
 
     Raises
     ------
     FileError
-        If it cannot be read, or is no recording of this library.
+        If it cannot be read, or is not a recording of this library.
     RobocupVisionError
-        If the extra `ros` is not installed, or the loop that ran is not.
+        If the extra `ros`, or the program of the recorded loop, is not installed.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -91,17 +91,17 @@ class Recording:
 
     @property
     def colors(self) -> Colors | None:
-        """Fixed colours; None where they were learnt."""
+        """Fixed colours; None if they were learnt."""
         return self.run.colors
 
     @property
     def is_whole(self) -> bool:
-        """Whether the recorder was closed; False: the file was cut off, and reads up to its last whole chunk."""
+        """Whether the recorder was closed; False: the file is truncated, and is read up to its last complete chunk."""
         return self._log.is_whole
 
     @property
     def dropped(self) -> int:
-        """How many calls the recorder left out."""
+        """Number of calls and messages that the recorder dropped."""
         return int(self._log.notes.get("dropped", 0))
 
     @property
@@ -112,7 +112,7 @@ class Recording:
 
     @property
     def span_s(self) -> tuple[float, float] | None:
-        """First and last time, seconds; None of a recording without a message."""
+        """First and last time, seconds; None if the recording has no message."""
         span = self._log.span_ns
         return None if span is None else (1e-9 * span[0], 1e-9 * span[1])
 
@@ -139,7 +139,7 @@ class Recording:
     def frames(self, from_s: float | None = None, to_s: float | None = None) -> Iterator[RecordedFrame]:
         """Yield the frames between two times, both included, with the motion between them; raises as `calls`.
 
-        Motion that a loop was told between two frames, without one, is part of the later frame's odometry.
+        Odometry that the loop received without a frame is included in the odometry of the next frame.
         """
         pending: Pose2 | None = None
         for call in self.calls(from_s, to_s):
@@ -153,7 +153,7 @@ class Recording:
             pending = None
 
     def truth(self) -> list[tuple[float, Pose2]]:
-        """Return where the robot truly was, by time; empty where nobody knew, as where a pose is not finite."""
+        """Return the times and true poses of the robot; empty if unknown. Poses that are not finite are skipped."""
         found = []
         for logged in self._log.messages():
             if logged.topic.endswith(_TRUTH):
@@ -162,7 +162,7 @@ class Recording:
         return found
 
     def commands(self) -> list[tuple[float, tuple[float, float, float]]]:
-        """Return the commanded velocities by time, robot frame: forward and left in m/s, turn in rad/s."""
+        """Return the commanded velocities with their times, robot frame: forward and left in m/s, turn in rad/s."""
         found = []
         for logged in self._log.messages():
             if logged.topic.endswith(_COMMAND):
@@ -171,7 +171,7 @@ class Recording:
         return found
 
     def messages(self, from_s: float | None = None, to_s: float | None = None) -> Iterator[tuple[str, float, Any]]:
-        """Yield topic, time and message of all messages, in the order they were written; raises as `calls`."""
+        """Yield topic, time and message of all messages, in the order in which they were written; raises as `calls`."""
         for logged in self._messages(from_s, to_s):
             yield logged.topic, 1e-9 * logged.time_ns, decode(logged.data, logged.type_name)
 

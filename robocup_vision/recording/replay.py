@@ -1,4 +1,4 @@
-"""Makes the calls of a recording again, as they were or with other settings, and compares what they give."""
+"""Repeats the calls of a recording, with the same or other settings, and compares the outputs."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _CODEC = value_codec()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReplayedCall:
-    """One call made again."""
+    """One call that was repeated."""
 
-    number: int  #: 0, 1, ... in the order of the run.
+    number: int  #: 0, 1, ... in the order of the run
     kind: str  #: what was called
-    t_s: float  #: the time it was about
-    #: what it gave then, and now
+    t_s: float  #: time that the call refers to
+    #: outputs in the run, and now
     recorded: Mapping[str, Any]
     replayed: Mapping[str, Any]
 
@@ -38,12 +38,12 @@ class ReplayedCall:
 def replay(
     recording: Recording, changes: Changes = Changes(), from_s: float | None = None, to_s: float | None = None
 ) -> Iterator[ReplayedCall]:
-    """Make the calls of a recording again.
+    """Repeat the calls of a recording.
 
     Parameters
     ----------
     from_s, to_s : float, optional
-        Only the calls between these times are yielded. Those before are made, too: what is remembered depends on them.
+        Only calls between these times are yielded. Earlier ones are also repeated, because the memory depends on them.
 
     Yields
     ------
@@ -52,9 +52,9 @@ def replay(
     Raises
     ------
     ArgumentError
-        If the span is empty, or the changes do not fit.
+        If the span contains no calls, or the changes are not possible.
     FileError
-        If a part of the file is damaged.
+        If a part of the file is damaged, or there are no calls in it.
     RobocupVisionError
         If the loop cannot be made again.
     """
@@ -72,7 +72,7 @@ def replay(
 
 
 def _require_calls(recording: Recording, from_s: float | None, to_s: float | None) -> None:
-    """Refuse a span that no call is in: comparing nothing would say that all is the same."""
+    """Refuse a span without calls, for which a comparison would report that everything is the same."""
     if next(recording.call_times(from_s, to_s), None) is not None:
         return
     times = list(recording.call_times())
@@ -86,38 +86,38 @@ def _require_calls(recording: Recording, from_s: float | None, to_s: float | Non
 
 @dataclass(slots=True)
 class Spread:
-    """How far a quantity of the replay lies from the recorded one: over the calls that have both."""
+    """Differences between a replayed and a recorded quantity, over the calls that have both."""
 
     values: list[float] = field(default_factory=list)
 
     def add(self, value: float) -> None:
-        """Take one difference, not negative."""
+        """Add one difference, which must not be negative."""
         self.values.append(value)
 
     @property
     def median(self) -> float | None:
-        """Its median; None of none."""
+        """The median (of an even number, the upper one); None if there are no differences."""
         ordered = sorted(self.values)
         return ordered[len(ordered) // 2] if ordered else None
 
     @property
     def largest(self) -> float | None:
-        """The largest; None of none."""
+        """The largest difference; None if there are none."""
         return max(self.values, default=None)
 
 
 @dataclass(slots=True)
 class Differences:
-    """What a replay does otherwise than its recording."""
+    """Differences between a replay and its recording."""
 
-    #: how many calls were made, and how many of them gave the same in every bit
+    #: number of calls, and of those whose outputs agree in every bit
     calls: int = 0
     same: int = 0
-    first_s: float | None = None  #: when the first one differed
-    located: tuple[int, int] = (0, 0)  #: frames that were located, then and now
-    seen: tuple[int, int] = (0, 0)  #: frames that showed a ball, then and now
+    first_s: float | None = None  #: time of the first call that differed
+    located: tuple[int, int] = (0, 0)  #: number of frames that were located, then and now
+    seen: tuple[int, int] = (0, 0)  #: number of frames in which a ball was found, then and now
     looks: int = 0
-    #: distances between both, where both know
+    #: differences between both, over the calls in which both have a value
     pose_m: Spread = field(default_factory=Spread)
     pose_rad: Spread = field(default_factory=Spread)
     belief_m: Spread = field(default_factory=Spread)
@@ -126,7 +126,7 @@ class Differences:
     command_mps: Spread = field(default_factory=Spread)
 
     def add(self, call: ReplayedCall) -> None:
-        """Take one call."""
+        """Add one call."""
         self.calls += 1
         if call.is_same:
             self.same += 1
@@ -154,7 +154,7 @@ class Differences:
 
     @property
     def is_same(self) -> bool:
-        """Whether every call gave the same in every bit."""
+        """Whether the outputs of all calls agree in every bit."""
         return self.same == self.calls
 
 

@@ -1,4 +1,4 @@
-"""The files of a replay: replay.csv, a line a call; replay.json, the figures; replay.html, both runs over time."""
+"""The files of a replay: replay.csv, a line per call; replay.json, the figures; replay.html, both runs over time."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _TRACES = (
 
 
 def figures(differences: Differences) -> dict[str, Any]:
-    """Return the figures of a replay as plain values; what nothing was there to compute from is None."""
+    """Return the figures of a replay as plain values; None if there was nothing to compute one from."""
     values: dict[str, Any] = {
         "calls": differences.calls,
         "same": differences.same,
@@ -52,9 +52,9 @@ def figures(differences: Differences) -> dict[str, Any]:
 
 
 def write_files(folder: Path, name: str, calls: Sequence[ReplayedCall], differences: Differences) -> list[str]:
-    """Write the files of a replay; return notes on what could not be made.
+    """Write the files of a replay; return notes on files that could not be made.
 
-    Raises FileError if they cannot be written.
+    Raises FileError if a file cannot be written.
     """
     notes = []
     missing = missing_packages()
@@ -69,7 +69,7 @@ def write_files(folder: Path, name: str, calls: Sequence[ReplayedCall], differen
 
 
 def summary_lines(differences: Differences) -> list[tuple[str, str]]:
-    """Return the figures as labels and texts, for a terminal and for the page."""
+    """Return the figures as labels and texts, for the terminal and the page."""
     d = differences
     first = "-" if d.first_s is None else f"{d.first_s:.3f} s"
     lines = [

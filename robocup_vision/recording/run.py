@@ -1,6 +1,6 @@
-"""What a run was made of: field, camera, colours and all settings of its `Vision`, `Memory` and `Steering`, as values.
+"""Describes a run: field, camera, colours and all settings of its `Vision`, `Memory` and `Steering`, as values.
 
-Written into a recording, they make the same objects again for a replay.
+They are written into a recording, so that a replay can make the same objects again.
 """
 
 from __future__ import annotations
@@ -60,14 +60,14 @@ class EgoMotionRun:
 
     @classmethod
     def of(cls, motion: ViewMotion) -> EgoMotionRun:
-        """Describe it."""
+        """Describe an estimator of ego-motion."""
         inner = motion.ego_motion
         if inner is None:
             return cls(motion.odometry, motion.settings)
         return cls(motion.odometry, motion.settings, inner.bearings, inner.settings)
 
     def make(self) -> ViewMotion:
-        """Make such a one."""
+        """Make such an estimator."""
         inner = None
         if self.bearings is not None:
             inner = EgoMotion(self.bearings, self.comparison or EgoMotionSettings())
@@ -76,7 +76,7 @@ class EgoMotionRun:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MemoryRun:
-    """Arguments of a `Memory` and its parts; `expected` is what the pose filter was told to expect."""
+    """Arguments of a `Memory` and its parts; `expected` is the argument of `PoseFilter.expect`, if it was called."""
 
     odometry: OdometryNoise
     frames: FrameErrors
@@ -146,13 +146,13 @@ class VisionRun:
 
     @classmethod
     def of(cls, vision: Vision) -> VisionRun:
-        """Describe a `Vision`; what refines its camera (`online`) is left out."""
+        """Describe a `Vision`, without the object that refines its camera (`online`)."""
         memory = None if vision.memory is None else MemoryRun.of(vision.memory)
         v = vision
         return cls(v.field, v.camera, v.fixed_colors, v.method, v.mask, v.directions, v.rings, memory, v.free_ratio)
 
     def make(self) -> Vision:
-        """Make such a `Vision`, fresh."""
+        """Make such a `Vision`, without any memory of frames."""
         return Vision(
             self.field,
             self.camera,
@@ -182,25 +182,25 @@ class SteeringRun:
         return cls(steering.robot_radius_m, plain, steering.settings)
 
     def make(self) -> Steering:
-        """Make such a `Steering`, fresh."""
+        """Make such a `Steering`, without any memory."""
         return Steering(self.robot_radius_m, self.limits, self.settings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Run:
-    """What ran."""
+    """The description of a run."""
 
-    #: who made the calls: "vision" for those of `Vision` and `Steering` themselves, else the name of an entry point of
-    #: the group ``robocup_vision.loops``
+    #: the recorded loop: "vision" if the calls are those of `Vision` and `Steering` themselves, otherwise the name of
+    #: an entry point of the group ``robocup_vision.loops``
     loop: str
-    #: what the frames are of; colours are None where they were learnt
+    #: field and camera of the frames; colours are None if they were learnt
     field: Field
     camera: OmniCamera | PinholeCamera
     colors: Colors | None = None
-    caveat: str = ""  #: why a replay cannot be the same bit for bit; empty where it can
-    vision: VisionRun | None = None  #: of loop "vision"
-    steering: SteeringRun | None = None  #: of loop "vision", where it steers
-    setup: Mapping[str, object] = dataclasses.field(default_factory=dict)  #: of other loops: what they are made of
+    caveat: str = ""  #: why a replay cannot be equal bit for bit; empty if it can
+    vision: VisionRun | None = None  #: for loop "vision"
+    steering: SteeringRun | None = None  #: for loop "vision", if it steers
+    setup: Mapping[str, object] = dataclasses.field(default_factory=dict)  #: for other loops: their arguments
 
     @classmethod
     def of(cls, vision: Vision, steering: Steering | None = None) -> Run:

@@ -1,4 +1,4 @@
-"""What a recording's values may be: what calls took and gave, and what a run was made of."""
+"""Classes of the values in a recording: inputs and outputs of calls, and the settings of a run."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ _CLASSES = {
     "robocup_vision.recording.run": ("VisionRun", "MemoryRun", "MapRun", "EgoMotionRun", "SteeringRun", "Run"),
     "robocup_vision.tracking.branches": ("MovingObjectsSettings",),
 }
-# by class name: the module it is in
+# module of each class, by the class's name
 VALUE_TYPES: Mapping[str, str] = {name: module for module, names in _CLASSES.items() for name in names}
 
 
 def value_codec(types: Mapping[str, str] | None = None) -> ValueCodec:
-    """Return the codec of recordings; with further classes, class name to module."""
+    """Return the codec of recordings, optionally with further classes (class name to module)."""
     return ValueCodec({**VALUE_TYPES, **(types or {})})

@@ -1,1 +1,1 @@
-"""The ROS 2 node: what it does is in `node`, on plain values; `bridge` alone imports rclpy."""
+"""The ROS 2 node: its functions are in `node`, without ROS; only `bridge` imports rclpy."""

@@ -1,7 +1,7 @@
-"""Connects the node with ROS 2 by rclpy, as installed with ROS or from wheels. All else of the node is in `node`.
+"""Connects the node with ROS 2 by rclpy, as installed with ROS or from wheels. The rest of the node is in `node`.
 
-Messages pass as CDR bytes, their types are those of installed packages, or made (`type_support`). What can be neither
-is left out, and named in the log and in the diagnostics.
+Messages are passed as CDR bytes; their types come from installed packages or are made (`type_support`). Topics whose
+types are not available are skipped, and named in the log and the diagnostics.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robocup_vision.ros.type_support import forget_error, raw_class, require_rcl
 
 NODE_NAME = "robocup_vision"
 _DIAGNOSTICS_S = 1.0
-# what late listeners need, too
+# topics that late subscribers also need
 _LATCHED = ("/map", "/tf_static")
 _ABSOLUTE = ("/tf", "/tf_static", "/diagnostics")
 
@@ -27,7 +27,7 @@ Handler = Callable[[Any, float], list[Outgoing]]
 
 
 def run_node(settings: NodeSettings, arguments: Sequence[str] = ()) -> None:
-    """Run the node until it is interrupted; ROS' own parameters of the same names go before its settings.
+    """Run the node until it is interrupted; ROS parameters of the same names take precedence over its settings.
 
     Raises RobocupVisionError if rclpy or the standard messages are not installed, or an option is wrong.
     """
@@ -50,13 +50,13 @@ def run_node(settings: NodeSettings, arguments: Sequence[str] = ()) -> None:
 
 
 def _with_parameters(node: Any, settings: NodeSettings) -> NodeSettings:
-    """Declare every option as a parameter; return the settings with what was set."""
+    """Declare every option as a parameter; return the settings with the parameters' values."""
     values = {}
     for name in NodeSettings.names():
         default = getattr(settings, name)
         try:
             values[name] = node.declare_parameter(name, default).value
-        except Exception as error:  # rclpy raises errors of its own for another type
+        except Exception as error:  # rclpy raises its own exceptions for a wrong type
             kind = type(default).__name__
             raise ArgumentError(f"parameter '{name}' must be of type {kind} ({' '.join(str(error).split())})") from None
     return dataclasses.replace(settings, **values)
@@ -71,7 +71,7 @@ class _Bridge:
         self._missing: list[str] = []
         self._publishers = self._make_publishers()
         image = "CompressedImage" if settings.image_topic.endswith("/compressed") else "Image"
-        # the newest image alone: what waits is old
+        # only the newest image is of interest
         self._listen(settings.image_topic, f"sensor_msgs/msg/{image}", self._vision.on_image, depth=1)
         info = "sensor_msgs/msg/CameraInfo"
         self._listen(settings.camera_info_topic, info, self._vision.on_camera_info, depth=1)
@@ -95,7 +95,7 @@ class _Bridge:
             for text in self._vision.take_news():
                 self._node.get_logger().warning(text)
 
-        # what was published once, before the node came
+        # also messages from before the node started
         is_latched = topic == "/tf_static"
         subscribe(self._node, topic, name, on_message, self._warn, depth, is_latched=is_latched)
 
@@ -120,7 +120,7 @@ class _Bridge:
             is_latched = topic.endswith(_LATCHED)
             durability = DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE
             quality = QoSProfile(depth=1 if is_latched else 10, durability=durability)
-            # relative names, so that namespaces and remappings hold
+            # relative names, so that namespaces and remappings apply
             public = topic if topic in _ABSOLUTE or self._settings.prefix else topic.removeprefix("/")
             publishers[topic] = self._node.create_publisher(kind, public, quality)
             forget_error()

@@ -1,7 +1,7 @@
-"""What the ROS 2 node does with each message, without ROS: messages in, messages out.
+"""The ROS 2 node's logic without ROS itself: messages in, messages out.
 
-REP-103 (units and axes), REP-105 (map -> odom), REP-120 (base_footprint). A message that cannot be used changes
-nothing: the diagnostics say what was wrong with it, and the log says it once.
+It follows REP-103 (units and axes), REP-105 (map -> odom) and REP-120 (base_footprint). A message that cannot be used
+is ignored: the diagnostics report the problem, and the log reports it once.
 """
 
 from __future__ import annotations
@@ -43,15 +43,18 @@ from robocup_vision.vision import Vision
 _NUMBERS = re.compile(r"\d[\d.e+-]*")
 # time without an image after which the diagnostics warn
 _SILENT_S = 1.0
-# a head that nods moves its camera so far: farther off, the camera file is of another place on the robot
+# A nodding head moves its camera about this far. If tf and camera file differ by more, the file is wrong.
 _SAME_PLACE_M = 0.05
-# what others publish, or a recording alone has
-_OF_OTHERS = ("/camera/", "/odometry", "/truth/")
+# topics that other nodes publish, or that only recordings have
+_NOT_PUBLISHED = ("/camera/", "/odometry", "/truth/")
 _OK, _WARN, _ERROR = 0, 1, 2
 
 
 class Notices:
-    """What is wrong now, and what has happened. Texts that differ in numbers alone are one in the log."""
+    """Lasting problems and single events, for diagnostics and log. The log has texts that differ only in numbers once.
+
+    `topic` names what a lasting problem is about: "image", "odometry", ...
+    """
 
     def __init__(self) -> None:
         self._lasting: dict[str, str] = {}
@@ -59,41 +62,41 @@ class Notices:
         self._logged: set[str] = set()
         self._news: list[str] = []
 
-    def __contains__(self, about: str) -> bool:
-        return about in self._lasting
+    def __contains__(self, topic: str) -> bool:
+        return topic in self._lasting
 
-    def hold(self, about: str, text: str) -> None:
-        """Say what is wrong with something, until it is cleared."""
-        self._lasting[about] = text
-        self._tell(text)
+    def hold(self, topic: str, text: str) -> None:
+        """Report a problem that lasts until `clear`."""
+        self._lasting[topic] = text
+        self._add_to_log(text)
 
-    def clear(self, about: str) -> None:
-        """Say that something is right, or right again."""
-        self._lasting.pop(about, None)
+    def clear(self, topic: str) -> None:
+        """Remove the problem of a topic, if it has one."""
+        self._lasting.pop(topic, None)
 
     def note(self, text: str) -> None:
-        """Say what has happened; the next diagnostics tell it."""
-        self._happened[_kind(text)] = text
-        self._tell(text)
+        """Report an event; only the next diagnostics contain it."""
+        self._happened[_without_numbers(text)] = text
+        self._add_to_log(text)
 
     def take(self) -> list[str]:
-        """Return what is wrong, and what has happened since the last call."""
+        """Return the lasting problems, and the events since the last call."""
         texts = [*self._lasting.values(), *self._happened.values()]
         self._happened.clear()
         return texts
 
     def take_news(self) -> list[str]:
-        """Return what is to be logged: what has not been logged before."""
+        """Return the texts that have not been logged before."""
         news, self._news = self._news, []
         return news
 
-    def _tell(self, text: str) -> None:
-        if _kind(text) not in self._logged:
-            self._logged.add(_kind(text))
+    def _add_to_log(self, text: str) -> None:
+        if _without_numbers(text) not in self._logged:
+            self._logged.add(_without_numbers(text))
             self._news.append(text)
 
 
-def _kind(text: str) -> str:
+def _without_numbers(text: str) -> str:
     return _NUMBERS.sub("#", text)
 
 
@@ -115,7 +118,7 @@ class VisionNode:
         self._memory = Memory.of_everything(field, half=half) if settings.memory else None
         self.vision = Vision(field, camera, colors, method=settings.method or None, memory=self._memory)
         names = FrameNames(settings.map_frame, settings.odom_frame, settings.robot_frame, settings.camera_frame)
-        # the image is there already, and with tf the camera in the robot's own tree
+        # other nodes publish the image, and with `use_tf` the camera's transform too
         topic_settings = TopicSettings(
             settings.prefix,
             names,
@@ -138,16 +141,16 @@ class VisionNode:
         self._reason, self._took_s = "", 0.0
         self._transforms = Transforms()
         self._joints = self._head_joints()
-        # an image whose transforms or joints have not come yet
+        # an image whose transforms or joints have not been received yet, and its time
         self._waiting: tuple[Any, float] | None = None
 
     def take_news(self) -> list[str]:
-        """Return what is to be logged as a warning: each thing once, however often it comes."""
+        """Return the warnings for the log; each is returned once, however often it occurs."""
         return self._notices.take_news()
 
     @property
     def published(self) -> dict[str, str]:
-        """What may be published: types of the messages, by topic."""
+        """The types of all messages that may be published, by topic."""
         has = {
             "/tf": self.settings.publish_tf,
             "/tf_static": not self.settings.use_tf,
@@ -160,17 +163,17 @@ class VisionNode:
         topics = {
             (topic if topic.startswith("/tf") else self.settings.prefix + topic): name
             for topic, name in TOPIC_TYPES.items()
-            if not topic.startswith(_OF_OTHERS) and has.get(topic, True)
+            if not topic.startswith(_NOT_PUBLISHED) and has.get(topic, True)
         }
         return {**topics, "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"}
 
     def on_image(self, message: Any, now_s: float) -> list[Outgoing]:
-        """Look at an Image or CompressedImage; return what is to be published.
+        """Look at an Image or CompressedImage; return the messages to publish.
 
         Parameters
         ----------
         now_s : float
-            The clock; stands in for a stamp that is zero.
+            The clock's time; replaces a stamp that is zero.
         """
         self._last_image_s = now_s
         t_s = time_of(message, now_s)
@@ -186,23 +189,23 @@ class VisionNode:
         return self._look_when_mounting_known()
 
     def on_tf(self, message: Any, now_s: float) -> list[Outgoing]:
-        """Take tf2_msgs/TFMessage in, with `use_tf`: an image that waits for it is looked at."""
+        """Take in a tf2_msgs/TFMessage, with `use_tf`; process an image that waits for it."""
         self._transforms.add(message, is_static=False)
         return self._look_when_mounting_known()
 
     def on_tf_static(self, message: Any, now_s: float) -> list[Outgoing]:
-        """Take tf2_msgs/TFMessage in, of what does not move."""
+        """Take in a tf2_msgs/TFMessage of fixed transforms; process an image that waits for it."""
         self._transforms.add(message, is_static=True)
         return self._look_when_mounting_known()
 
     def on_joint_states(self, message: Any, now_s: float) -> list[Outgoing]:
-        """Take sensor_msgs/JointState in, with `pan_joint` or `tilt_joint`: an image that waits for it is looked at."""
+        """Take in a sensor_msgs/JointState, with `pan_joint` or `tilt_joint`; process an image that waits for it."""
         if self._joints is not None:
             self._joints.add(message, time_of(message, now_s))
         return self._look_when_mounting_known()
 
     def _look_when_mounting_known(self) -> list[Outgoing]:
-        """Look at the image that waits, once tf or the joints give the camera's mounting at its time."""
+        """Process the waiting image, once tf or the joints give the camera's mounting at its time."""
         if self._waiting is None:
             return []
         message, t_s = self._waiting
@@ -254,7 +257,7 @@ class VisionNode:
         return [*out, *self._steer(view, t_s)]
 
     def on_odometry(self, message: Any, now_s: float) -> list[Outgoing]:
-        """Take nav_msgs/Odometry in: the pose moves with it."""
+        """Take in a nav_msgs/Odometry: predict the pose by the motion since the one before."""
         t_s = time_of(message, now_s)
         pose, twist = self._pose_in("odometry", message.pose.pose), message.twist.twist
         if pose is None:
@@ -276,7 +279,7 @@ class VisionNode:
         return []
 
     def on_camera_info(self, message: Any, now_s: float) -> list[Outgoing]:
-        """Compare sensor_msgs/CameraInfo with the camera file; the diagnostics say where they differ."""
+        """Compare a sensor_msgs/CameraInfo with the camera file; the diagnostics report a difference."""
         problem = camera_info_problem(message, self.vision.camera)
         if problem:
             self._notices.hold("camera_info", problem)
@@ -285,7 +288,7 @@ class VisionNode:
         return []
 
     def on_initial_pose(self, message: Any, now_s: float) -> list[Outgoing]:
-        """Take geometry_msgs/PoseWithCovarianceStamped for where the robot is: what was believed is forgotten."""
+        """Take in the robot's pose, geometry_msgs/PoseWithCovarianceStamped: the belief is forgotten."""
         if not self._is_in_map("initialpose", message):
             return []
         pose, covariance = self._pose_in("initialpose", message.pose.pose), covariance_3x3(message.pose.covariance)
@@ -302,7 +305,7 @@ class VisionNode:
         return []
 
     def on_goal(self, message: Any, now_s: float) -> list[Outgoing]:
-        """Take geometry_msgs/PoseStamped, map frame, for where to drive, with `cmd_vel`."""
+        """Take in the target to drive to, with `cmd_vel`: a geometry_msgs/PoseStamped, map frame."""
         if not self._is_in_map("goal_pose", message):
             return []
         goal = self._pose_in("goal_pose", message.pose)
@@ -313,12 +316,12 @@ class VisionNode:
         return []
 
     def diagnostics(self, now_s: float, notes: tuple[str, ...] = ()) -> list[Outgoing]:
-        """Return diagnostic_msgs/DiagnosticArray on what came in since the last call.
+        """Return a diagnostic_msgs/DiagnosticArray about the frames and problems since the last call.
 
         Parameters
         ----------
         notes : tuple of str
-            What else is to be said, such as message types that are not installed.
+            Further notes, such as message types that are not installed.
         """
         problems = self._notices.take()
         if self._last_image_s is None:
@@ -354,7 +357,7 @@ class VisionNode:
         return False
 
     def _pose_in(self, topic: str, message: Any) -> Pose2 | None:
-        """Return the pose that came on a topic; None where it is none, which the diagnostics say."""
+        """Return the pose of a message; None if it is invalid, which the diagnostics report."""
         try:
             return pose_of(message)
         except PacketError as error:
@@ -371,8 +374,8 @@ class VisionNode:
         return self.vision.look(frame, t_s, motion, initial, mounting=mounting)
 
     def _note_time(self, t_s: float) -> None:
-        """Forget all where time goes back, as when a bag is played again: filters cannot go back."""
-        # a camera's stamps may lie behind the odometry's
+        """Forget everything if time jumps back, as when a bag is played again: filters only run forwards."""
+        # not for a small step back: a camera's stamps may be older than the odometry's
         if self._last_s is not None and t_s < self._last_s - _SILENT_S:
             self.vision.forget()
             self._steering.forget()
@@ -387,7 +390,7 @@ class VisionNode:
             return []
         believed = view.pose if view.belief is None else view.belief.pose
         if not isinstance(believed, PoseEstimate) or len(view.free_space.range_m) < 3:
-            # not knowing where it is, the robot stands
+            # without a pose or free space the robot stops
             return self._topics.of_command((0.0, 0.0, 0.0), t_s)
         there = believed.pose.inverse().compose(self._goal)
         distance_m, bearing_rad = math.hypot(there.x_m, there.y_m), math.atan2(there.y_m, there.x_m)

@@ -1,4 +1,4 @@
-"""Settings of the ROS 2 node: its options and, by the same names, its parameters."""
+"""Settings of the ROS 2 node: its options and, with the same names, its parameters."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from robocup_vision.checks import require_not_negative
 
 @dataclass(frozen=True, slots=True)
 class NodeSettings:
-    """Options of the node; each is a ROS parameter, too.
+    """Options of the node; each is also a ROS parameter.
 
     Parameters
     ----------
@@ -22,38 +22,38 @@ class NodeSettings:
     colors : str
         Colour file; empty: colours are learnt.
     method : str
-        How the pose is found; empty: the camera's default.
+        Method of localisation; empty: the camera's default.
     memory : bool
-        Join frames over time: tracks, map, and a pose that odometry carries on.
+        Whether frames are combined over time: tracks, a map, and a pose that odometry continues.
     half : str
-        "own": the robot begins in its own half, x < 0 (`Memory`); empty: frames decide, where they can.
+        "own": the robot begins in its own half, x < 0 (`Memory`); empty: frames decide, if they can.
     image_topic, camera_info_topic, odometry_topic, joint_states_topic : str
-        What is listened to. An image topic that ends in ``/compressed`` has compressed images.
+        Subscribed topics. An image topic that ends in ``/compressed`` has compressed images.
     prefix : str
-        Before every published topic, such as ``/robot1``; remappings do, too.
+        Put before every published topic, such as ``/robot1``; remappings are another way.
     map_frame, odom_frame, robot_frame, camera_frame : str
         Names of the coordinate frames.
     use_tf : bool
-        Take pan, tilt, roll and height of the camera from tf at each image's stamp: `camera_frame`, or the image's own
-        frame, in `robot_frame`. How well they are known is as the camera file says.
+        Whether pan, tilt, roll and height of the camera are taken from tf at each image's stamp: `camera_frame`, or the
+        image's own frame, in `robot_frame`. Their standard deviations are those of the camera file.
     pan_joint, tilt_joint : str
-        Joints of `joint_states_topic` whose positions at each image's stamp add to the camera file's pan and tilt (to
-        the left, and up). ``-NAME`` subtracts: a tilt joint about y, as in most URDFs, lowers the view. Empty: none.
+        Joints of `joint_states_topic` whose positions at each image's stamp are added to the camera file's pan (left)
+        and tilt (up). ``-NAME`` subtracts: a tilt joint about y, as in most URDFs, lowers the view. Empty: none.
     publish_tf : bool
-        Whether map -> odom is published; odom -> robot_frame is whoever publishes the odometry's.
+        Whether map -> odom is published; odom -> robot_frame must be published by the source of odometry.
     markings : bool
-        Publish ``markings`` and ``goalposts``: finding them takes longer than the rest of a look.
+        Whether ``markings`` and ``goalposts`` are published; finding them takes longer than the rest of a look.
     cmd_vel : bool
-        Drive to ``goal_pose`` (geometry_msgs/PoseStamped, map frame): commands are published on ``cmd_vel``.
+        Whether to drive to ``goal_pose`` (geometry_msgs/PoseStamped, map frame), with commands on ``cmd_vel``.
     robot_radius_m : float
-        Of the robot, with the clearance that is wanted; 0: as the field's league has it.
+        Radius of the robot plus the wanted clearance; 0: that of the field's league.
     speed_mps, acceleration_mps2, dead_time_s : float
-        How the robot moves, for `cmd_vel`.
+        Limits of the robot's motion, for `cmd_vel`.
 
     Raises
     ------
     ArgumentError
-        A value is out of its range.
+        If a value is out of its range.
     """
 
     field: str = ""
@@ -96,7 +96,7 @@ class NodeSettings:
 
     @property
     def has_joints(self) -> bool:
-        """Whether joints tell how the camera is held."""
+        """Whether the camera's orientation is taken from joints."""
         return bool(self.pan_joint or self.tilt_joint)
 
     def require_files(self) -> None:

@@ -1,4 +1,4 @@
-"""How a camera is held at a time: by /tf and /tf_static or joint positions, interpolated between the newest values."""
+"""Interpolates how a camera is mounted at a time, from /tf and /tf_static or from joint positions."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from robocup_vision.messages.types import to_seconds
 
 Value = TypeVar("Value")
 
-# how long values are kept, and the largest gap that is interpolated
+# time for which values are kept, and largest gap that is interpolated
 _KEPT_S, _MAX_GAP_S = 5.0, 0.5
 _SAME_S = 1e-6
-# of what does not change
+# time of a value that does not change
 FOR_GOOD = -math.inf
 # axes of a camera (ahead, left, up) in its optical frame (right, down, ahead), REP-103
-_OF_OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-# a tree of a robot is not deeper
+_CAMERA_AXES = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+# a robot's tree of frames is not deeper; it limits the search if there is a loop
 _MAX_FRAMES = 100
 
 
 class Timeline(Generic[Value]):
-    """The newest values of one thing."""
+    """The newest values of one quantity, by their times."""
 
     def __init__(self) -> None:
         self._times: list[float] = []
@@ -35,14 +35,14 @@ class Timeline(Generic[Value]):
 
     @property
     def newest(self) -> Value:
-        """The last one in time."""
+        """The value with the latest time."""
         return self._values[-1]
 
     def add(self, t_s: float, value: Value) -> None:
-        """Take a value in, in any order; at `FOR_GOOD` it stands alone, until one with a time comes."""
+        """Add a value, in any order of time; one at `FOR_GOOD` replaces all others, until one with a time comes."""
         times, values = self._times, self._values
         if times and (FOR_GOOD in (times[-1], t_s) or t_s < times[-1] - _KEPT_S):
-            # time went back, or another value for good
+            # time went back, or the value for good changes
             times.clear()
             values.clear()
         at = bisect.bisect_left(times, t_s)
@@ -52,7 +52,7 @@ class Timeline(Generic[Value]):
             del times[0], values[0]
 
     def bracketing(self, t_s: float) -> tuple[Value, Value, float] | None:
-        """Return the values before and after a time, and how far it is from one to the other; None: not known."""
+        """Return the values before and after a time, and the fraction of the interval before it; None: not known."""
         times, values = self._times, self._values
         if times[:1] == [FOR_GOOD]:
             return values[0], values[0], 0.0
@@ -65,13 +65,13 @@ class Timeline(Generic[Value]):
 
 
 class Transforms:
-    """The newest transforms of each frame in its parent."""
+    """The newest transforms of each frame relative to its parent."""
 
     def __init__(self) -> None:
         self._steps: dict[str, Timeline[tuple[str, FloatArray, FloatArray]]] = {}
 
     def add(self, message: Any, *, is_static: bool) -> None:
-        """Take a tf2_msgs/TFMessage in; what is not finite, or turns by no quaternion, is left out."""
+        """Add a tf2_msgs/TFMessage; transforms that are not finite, or whose quaternion is about 0, are skipped."""
         for one in message.transforms:
             place, turn = one.transform.translation, one.transform.rotation
             quaternion = np.array([turn.w, turn.x, turn.y, turn.z])
@@ -84,39 +84,39 @@ class Transforms:
             steps.add(t_s, (one.header.frame_id.lstrip("/"), values, quaternion / length))
 
     def lookup(self, target: str, source: str, t_s: float) -> tuple[FloatArray, FloatArray] | None:
-        """Return rotation (3, 3) and translation (3,) of `source` in `target` at a time; None: tf does not tell it."""
+        """Return rotation (3, 3) and translation (3,), metres, of `source` in `target` at a time; None: not known."""
         above = list(self._ancestors(target))
-        # what moves the whole robot is not asked for
+        # transforms above the common frame, such as the robot's pose, are not needed
         common = next((frame for frame in self._ancestors(source) if frame in above), None)
         if common is None:
             return None
-        one, other = self._in(common, source, t_s), self._in(common, target, t_s)
+        one, other = self._pose_in(common, source, t_s), self._pose_in(common, target, t_s)
         if one is None or other is None:
             return None
         back = other[0].T
         return back @ one[0], back @ (one[1] - other[1])
 
     def _ancestors(self, frame: str) -> Iterator[str]:
-        """Yield a frame, its parent and so on."""
+        """Yield a frame, its parent, and so on up to the root."""
         for _ in range(_MAX_FRAMES):
             yield frame
             if frame not in self._steps:
                 return
             frame = self._steps[frame].newest[0]
 
-    def _in(self, above: str, frame: str, t_s: float) -> tuple[FloatArray, FloatArray] | None:
+    def _pose_in(self, above: str, frame: str, t_s: float) -> tuple[FloatArray, FloatArray] | None:
         rotation, place = np.eye(3), np.zeros(3)
         for child in self._ancestors(frame):
             if child == above:
                 break
-            step = self._at(child, t_s)
+            step = self._step_at(child, t_s)
             if step is None:
                 return None
             turn = _matrix(step[1])
             rotation, place = turn @ rotation, turn @ place + step[0]
         return rotation, place
 
-    def _at(self, child: str, t_s: float) -> tuple[FloatArray, FloatArray] | None:
+    def _step_at(self, child: str, t_s: float) -> tuple[FloatArray, FloatArray] | None:
         found = self._steps[child].bracketing(t_s)
         if found is None:
             return None
@@ -127,14 +127,14 @@ class Transforms:
 
 
 class HeadJoints:
-    """The newest positions of the joints that pan and tilt a camera, as sensor_msgs/JointState tells them.
+    """The newest positions of the joints that pan and tilt a camera, from sensor_msgs/JointState.
 
     Parameters
     ----------
     pan, tilt : str
-        Names of the joints; empty: no such joint. A name after ``-`` counts the other way.
+        Names of the joints; empty: no such joint. A leading ``-`` reverses the sign.
     at_zero : PinholeCamera
-        The camera with its joints at 0; they add to its pan and tilt.
+        The camera with its joints at 0; their positions are added to its pan and tilt.
     """
 
     def __init__(self, pan: str, tilt: str, at_zero: PinholeCamera) -> None:
@@ -144,13 +144,13 @@ class HeadJoints:
         self._positions: dict[str, Timeline[float]] = {name: Timeline() for name, _ in self._joints.values() if name}
 
     def add(self, message: Any, t_s: float) -> None:
-        """Take a JointState in; what is not finite is left out."""
+        """Add a JointState; positions that are not finite are skipped."""
         for name, position in zip(message.name, message.position, strict=False):
             if name in self._positions and math.isfinite(position):
                 self._positions[name].add(t_s, float(position))
 
     def mounting_at(self, t_s: float) -> Mounting | None:
-        """Return how the camera was held at a time; None: the joints do not tell it."""
+        """Return how the camera was mounted at a time; None: not known."""
         values: dict[str, float] = {}
         for key, (name, sign) in self._joints.items():
             if name:
@@ -163,11 +163,11 @@ class HeadJoints:
 
 
 def mounting_of(rotation: FloatArray, place_m: FloatArray) -> Mounting:
-    """Return how a camera is held, by rotation (3, 3) and place (3,) of its optical frame in the robot's; offset apart.
+    """Return a camera's mounting, from rotation (3, 3) and place (3,) of its optical frame in the robot frame.
 
-    Raises ArgumentError if it lies below the floor.
+    The camera's horizontal offset is not part of it. Raises ArgumentError if the camera lies below the floor.
     """
-    ahead, left, up = (rotation @ _OF_OPTICAL).T
+    ahead, left, up = (rotation @ _CAMERA_AXES).T
     pan, tilt = math.atan2(ahead[1], ahead[0]), math.asin(max(-1.0, min(1.0, float(ahead[2]))))
     return Mounting(pan, tilt, math.atan2(float(left[2]), float(up[2])), float(place_m[2]))
 

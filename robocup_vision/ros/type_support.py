@@ -1,7 +1,7 @@
-"""Topics of rclpy with messages as bytes; and types whose ROS packages are not installed, by this library's texts.
+"""Topics of rclpy with messages as bytes, also of types whose ROS packages are not installed.
 
-Messages pass as CDR bytes, so of a type ROS needs no more than its name, its hash and its description. Fast DDS alone
-(rmw_fastrtps_cpp): other middlewares read messages member by member.
+Messages are passed as CDR bytes, so ROS needs only a type's name, hash and description, which this library provides.
+That works only with Fast DDS (rmw_fastrtps_cpp); other middlewares read messages member by member.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _Support = _struct(
     identifier=ctypes.c_char_p,
     **dict.fromkeys(("data", "find", "hash", "description", "sources"), ctypes.c_void_p),
 )
-# message_type_support_callbacks_t; what serialises is another type's, and is never called
+# message_type_support_callbacks_t; its functions for serialising are another type's, and are never called
 _Callbacks = _struct(namespace=ctypes.c_char_p, name=ctypes.c_char_p, others=ctypes.c_void_p * 5)
 
 
@@ -73,10 +73,10 @@ def subscribe(
     *,
     is_latched: bool = False,
 ) -> Any:
-    """Listen to a topic with messages of a type; return rclpy's subscription.
+    """Subscribe to a topic with messages of a type; return rclpy's subscription.
 
-    `on_problem` takes what is wrong with a message. Of a latched topic counts what was published before, too. Raises
-    RobocupVisionError if the type is not installed and cannot be made.
+    `on_problem` is called with the problem of an invalid message. From a latched topic, earlier messages are received,
+    too. Raises RobocupVisionError if the type is not installed and cannot be made.
     """
     from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
@@ -84,7 +84,7 @@ def subscribe(
     if kind is None:
         raise RobocupVisionError(f"topic {topic}: message type {name} is not installed")
     prepare([name])
-    # best effort hears reliable publishers, too
+    # a best-effort subscription receives from reliable publishers, too
     quality = QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
     if is_latched:
         quality = QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -102,9 +102,9 @@ def subscribe(
 
 @cache
 def raw_class(name: str) -> Any:
-    """Return a class by which rclpy sends and receives bytes of a type: the installed one, or one that is made.
+    """Return a class by which rclpy sends and receives bytes of a type: the installed one, or one made here.
 
-    None where the type's package is not installed, and the middleware is another than Fast DDS.
+    None if the type's package is not installed and the middleware is not Fast DDS.
     """
     kind = _installed_class(name)
     return _made_class(name) if kind is None else kind
@@ -119,7 +119,7 @@ def _installed_class(name: str) -> Any:
 
 
 def forget_error() -> None:
-    """Drop the note that Fast DDS leaves of a type without tables of its members; the next error would print it."""
+    """Clear the error state that Fast DDS sets for a type without member tables; the next error would print it."""
     with suppress(OSError, AttributeError):
         ctypes.CDLL("librcutils.so").rcutils_reset_error()
 
@@ -148,9 +148,9 @@ def _made_class(name: str) -> Any:
         getter = _GET(lambda _, address=ctypes.addressof(value): address)
         setattr(support, part, ctypes.cast(getter, ctypes.c_void_p))
         kept += [value, getter]
-    # ROS keeps pointers to all of it
+    # ROS keeps pointers to all of these, so they must not be freed
     kept += [support, callbacks]
-    # what makes and reads objects is the other type's, too: bytes alone pass
+    # functions that make and read objects are the other type's, too; they are not used, since only bytes are passed
     meta = type(f"Metaclass_{kind}", (like,), {"_TYPE_SUPPORT": _capsule_of(support), "kept": kept})
     return meta(kind, (), {"__slots__": (), "SLOT_TYPES": ()})
 

@@ -1,6 +1,6 @@
-"""The small-size league's network: its messages as values, clients of its programs, and its log files.
+"""The small-size league's network: its messages as values, clients for its programs, and its log files.
 
-Needs the extra ``ssl`` (protobuf), which nothing else of the package loads.
+It needs the extra ``ssl`` (protobuf), which is not loaded elsewhere in the package.
 
 >>> from robocup_vision.ssl import RobotClient, SslLog, VisionClient
 """

@@ -1,9 +1,8 @@
 """Clients of the game controller's ports for automatic referees (10007), teams (10008) and simulators (10009).
 
-The first two begin with a greeting and a registration, and each of their messages is replied to. They sign nothing: a
-game controller that knows a key of that name refuses the registration. They raise
-`ArgumentError` where there is no connection, or it is refused or lost, and `PacketError` where what comes is no message
-or larger than 8 MB.
+The first two begin with a greeting and a registration, and each of their messages is replied to. Messages are not
+signed: a game controller that has a key for that name refuses the registration. The clients raise `ArgumentError` if
+there is no connection, or it is refused or lost, and `PacketError` for data that is not a message or above 8 MB.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from robocup_vision.ssl.values.referee import CiInput, CiOutput, Referee
 from robocup_vision.ssl.values.simulation import Team
 
 AUTOREF_PORT, TEAM_PORT, CI_PORT = 10007, 10008, 10009
-# replies are read after each message; nobody sends so many at once
+# largest number of replies read at once, far more than are sent between two messages
 _MAX_REPLIES = 100
 
 
@@ -39,7 +38,7 @@ class _ControllerClient(FramedClient):
     Attributes
     ----------
     problems : Problems
-        What the game controller rejected, and why.
+        Messages that the game controller rejected, and why.
     """
 
     def __init__(self, name: str, registration: object, host: str, port: int) -> None:
@@ -54,7 +53,7 @@ class _ControllerClient(FramedClient):
             raise
 
     def listen(self) -> None:
-        """Read the replies that have come; what was rejected is added to `problems`."""
+        """Read the replies that have arrived; rejections are added to `problems`."""
         for _ in range(_MAX_REPLIES):
             reply = self._next(0.0)
             if reply is None:
@@ -82,23 +81,23 @@ class _ControllerClient(FramedClient):
 
 
 class AutoRefClient(_ControllerClient):
-    """Tells a game controller what an automatic referee sees."""
+    """Reports the events that an automatic referee sees to a game controller."""
 
     def __init__(self, identifier: str, host: str = LOOPBACK, port: int = AUTOREF_PORT) -> None:
         super().__init__("the port for referees", AutoRefRegistration(identifier), host, port)
 
     def tell(self, event: RefereeEvent) -> None:
-        """Tell an event."""
+        """Report an event."""
         self._send(AutoRefMessage(event))
 
 
 class TeamPortClient(_ControllerClient):
-    """Tells a game controller what a team wants.
+    """Sends a team's requests to a game controller.
 
     Parameters
     ----------
     team_name : str
-        As the game controller has it.
+        Name of the team as in the game controller.
     """
 
     def __init__(self, team_name: str, team: Team, host: str = LOOPBACK, port: int = TEAM_PORT) -> None:
@@ -109,15 +108,15 @@ class TeamPortClient(_ControllerClient):
         self._send(TeamMessage(desired_keeper=number))
 
     def choose_advantage(self, *, goes_on: bool) -> None:
-        """Say whether the game shall go on when the other team has fouled this one."""
+        """Choose whether the game goes on after a foul of the other team against this one."""
         self._send(TeamMessage(advantage_choice=AdvantageChoice.CONTINUE if goes_on else AdvantageChoice.STOP))
 
     def ask_for_substitution(self, *, wanted: bool = True) -> None:
-        """Ask to exchange a robot at the next opportunity, or no longer."""
+        """Ask to exchange a robot at the next opportunity, or withdraw that request."""
         self._send(TeamMessage(substitute_robot=wanted))
 
     def ping(self) -> None:
-        """Ask for a reply, so that a lost connection shows."""
+        """Ask for a reply, so that a lost connection is noticed."""
         self._send(TeamMessage(ping=True))
 
 
@@ -128,10 +127,10 @@ class CiClient(FramedClient):
         super().__init__("the game controller", host, port)
 
     def exchange(self, value: CiInput, wait_s: float = 1.0) -> list[Referee]:
-        """Send an input, wait for an answer at most so long, and return all packets that have come.
+        """Send an input, wait at most `wait_s` for an answer, and return all packets that have arrived.
 
-        A game controller answers each input within milliseconds. One that hears of the next moment before it has done
-        with this one may give the command that is due twice, and ends.
+        A game controller answers each input within milliseconds. If it receives the next input before it has finished
+        with this one, it may give the same command twice, and ends.
         """
         self._send(value)
         end_s = time.monotonic() + wait_s

@@ -1,6 +1,6 @@
-"""What clients of the league's datagrams have in common: each receives messages of one kind over its socket.
+"""Common base of the clients for the league's datagrams: each receives messages of one kind over its socket.
 
-Bad datagrams are counted and passed over: anybody can send anything.
+Bad datagrams are counted and skipped, because any program can send to the socket.
 """
 
 from __future__ import annotations
@@ -19,21 +19,21 @@ R = TypeVar("R")
 
 
 class DatagramClient(Closing, Generic[T]):
-    """Receives what is sent to a socket. Close it, or use it in a ``with``.
+    """Receives the messages sent to a socket. Close it, or use it in a ``with`` statement.
 
     Parameters
     ----------
     value : type
-        What is sent there.
+        Type of the messages.
 
     Attributes
     ----------
     bad_datagrams : int
-        How many were no such message.
+        Number of datagrams that were not such messages.
     last_problem : str
-        What was wrong with the last of those; empty if none was.
+        Problem of the last of those; empty if there were none.
     skipped : int
-        How many were passed over, because newer ones were there (`receive_newest`).
+        Number of datagrams that `receive_newest` skipped in favour of newer ones.
     """
 
     def __init__(self, value: type[T], opened: socket.socket) -> None:
@@ -47,11 +47,11 @@ class DatagramClient(Closing, Generic[T]):
         self._socket.close()
 
     def fileno(self) -> int:
-        """Return the socket's number: `select.select` takes the client itself."""
+        """Return the socket's file descriptor, so that `select.select` accepts the client itself."""
         return self._socket.fileno()
 
     def receive(self, timeout_s: float | None = None) -> T | None:
-        """Return the next message, or None after a time (None: wait on)."""
+        """Return the next message, or None after the timeout (None: no timeout)."""
         return self._receive(self._value, timeout_s)
 
     async def receive_async(self, timeout_s: float | None = None) -> T | None:
@@ -64,9 +64,9 @@ class DatagramClient(Closing, Generic[T]):
         return None
 
     def receive_newest(self, most: int = 1000) -> list[T]:
-        """Return what has come, without waiting: of more than so many datagrams the newest.
+        """Return the received messages without waiting, from at most the newest `most` datagrams.
 
-        By default every command of a referee that was not read for some seconds is among them.
+        The default is enough for every command of a referee that was not read for some seconds.
         """
         waiting, skipped = take_newest(self._socket, most)
         self.skipped += skipped
@@ -91,5 +91,5 @@ class DatagramClient(Closing, Generic[T]):
         return message if self._keep(message, sender) else None
 
     def _keep(self, message: Any, sender: Address) -> bool:
-        """Remember what is worth it; return whether the message is one for the user."""
+        """Store what a subclass needs of a message; return whether the message is passed to the user."""
         return True

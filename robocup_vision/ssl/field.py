@@ -20,15 +20,15 @@ from robocup_vision.ssl.values.geometry import (
     LineKind,
 )
 
-# what a geometry leaves out: the league's rules
+# by the league's rules, for what a geometry does not contain
 GOAL_HEIGHT_M, BOARD_HEIGHT_M, BALL_RADIUS_M, ROBOT_RADIUS_M, LINE_WIDTH_M = 0.155, 0.10, 0.0215, 0.09, 0.010
 
 
 def field_from_geometry(geometry: Geometry, name: str = "ssl_network") -> Field:
-    """Return the field that a vision system sends.
+    """Return the field of a vision system's geometry.
 
-    Lines, arcs, goals, boundary and the radii of ball and robots are the message's; where it has none, the heights of
-    goals and boards, the radii and the lines' width are those of the league's rules.
+    The height of the boards is that of the league's rules, as are the goals' height, the radii of ball and robots and
+    the width of the lines if the geometry does not contain them.
 
     Raises
     ------
@@ -74,14 +74,14 @@ def field_from_geometry(geometry: Geometry, name: str = "ssl_network") -> Field:
 def geometry_from_field(
     field: Field, cameras: tuple[CameraCalibration, ...] = (), models: BallModels | None = None
 ) -> Geometry:
-    """Return the geometry that a vision system would send of a field.
+    """Return the geometry that a vision system would send for a field.
 
-    Lines that the league has a name for are called so; others are numbered.
+    Lines have the league's names where it has one; others are numbered.
 
     Raises
     ------
     PacketError
-        If it has no goals.
+        If the field has no goals.
     """
     if not field.goals:
         raise PacketError(f"the field {field.name} has no goals, which a geometry must hold")
@@ -135,7 +135,7 @@ def _line(field: Field, index: int, row: list[float]) -> FieldLine:
 
 
 def _kind(field: Field, x0: float, y0: float, x1: float, y1: float) -> LineKind:
-    """Return which line of the league's fields one is; left and right of a penalty area as seen facing its goal."""
+    """Return the league's kind of a line; left and right of a penalty area are as seen facing its goal."""
     half_x, half_y = field.length_m / 2, field.width_m / 2
     along_x, along_y = math.isclose(y0, y1), math.isclose(x0, x1)
     if along_x and math.isclose(abs(y0), half_y):
@@ -147,7 +147,7 @@ def _kind(field: Field, x0: float, y0: float, x1: float, y1: float) -> LineKind:
     if along_y and x0 == 0:
         return LineKind.HALFWAY_LINE
     side = 1 if x0 + x1 > 0 else -1
-    # of two areas before a goal, the one that reaches farther out is the penalty area
+    # if there are two areas in front of a goal, the larger one is the penalty area
     fronts = [abs(row[0]) for row in field.lines.tolist() if row[0] == row[2] and 0 < abs(row[0]) < half_x - 1e-9]
     front = min(fronts, default=-1.0)
     if along_y and math.isclose(abs(x0), front):

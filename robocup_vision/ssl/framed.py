@@ -1,4 +1,4 @@
-"""TCP connections whose messages come after their size as a varint, as the league's game controller speaks."""
+"""TCP connections whose messages are preceded by their size as a varint, as the league's game controller uses them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from robocup_vision.closing import Closing
 from robocup_vision.ssl.protocol.mapping import decode, encode
 from robocup_vision.ssl.sockets import error_words
 
-#: for a connection, for what is sent, and for an answer that must come
+#: timeout for connecting, for sending, and for an answer that must arrive
 TIMEOUT_S = 5.0
-# no message of the league is nearly as large: whoever announces more is no peer
+# far more than any message of the league: a larger size means that the peer uses another protocol
 MAX_FRAME_BYTES = 8 * 1024 * 1024
 CHUNK_BYTES = 1 << 16
 
@@ -22,12 +22,12 @@ T = TypeVar("T")
 
 
 def connect(name: str, host: str, port: int) -> socket.socket:
-    """Return a connection that sends at once.
+    """Return a connection that sends data without delay.
 
     Raises
     ------
     ArgumentError
-        If there is none; `name` says to whom.
+        If the connection fails; the message contains `name`.
     """
     try:
         made = socket.create_connection((host, port), TIMEOUT_S)
@@ -38,12 +38,12 @@ def connect(name: str, host: str, port: int) -> socket.socket:
 
 
 class FramedClient(Closing):
-    """Sends and receives values over a connection. Close it, or use it in a ``with``.
+    """Sends and receives values over a connection. Close it, or use it in a ``with`` statement.
 
     Parameters
     ----------
     name : str
-        Of the other side, for errors.
+        Name of the other side, for error messages.
 
     Raises
     ------
@@ -68,7 +68,7 @@ class FramedClient(Closing):
             raise ArgumentError(f"{self._name} is gone: {error_words(error)}") from None
 
     def _receive(self, kind: type[T], wait_s: float) -> T | None:
-        """Return the next value, or None after a time."""
+        """Return the next value, or None if none arrives in time."""
         end_s = time.monotonic() + wait_s
         while (frame := take_frame(self._buffer)) is None:
             ready, _, _ = select.select([self._socket], [], [], max(end_s - time.monotonic(), 0.0))
@@ -88,7 +88,7 @@ class FramedClient(Closing):
 
 
 def varint(number: int) -> bytes:
-    """Return a number of 0 or more as a varint: seven bits a byte, the lowest first."""
+    """Return a number of 0 or more as a varint: seven bits per byte, the lowest first."""
     out = bytearray()
     while number > 0x7F:
         out.append(number & 0x7F | 0x80)
@@ -98,12 +98,12 @@ def varint(number: int) -> bytes:
 
 
 def take_frame(buffer: bytearray, most_bytes: int = MAX_FRAME_BYTES) -> bytes | None:
-    """Take the first whole message off a buffer; None while it is not there yet.
+    """Remove the first message from a buffer and return it; None while it is incomplete.
 
     Raises
     ------
     PacketError
-        If its size is no varint, or larger than allowed.
+        If its size is not a varint, or larger than allowed.
     """
     size = shift = 0
     for place, byte in enumerate(buffer[:5]):

@@ -1,8 +1,8 @@
-"""What the game controller's packets mean to one team: a phase of play, whose turn it is, and the limits that follow.
+"""Interprets the game controller's packets for one team: the phase of play, whose turn it is, and the limits.
 
-A command alone does not say it. `NORMAL_START` means another thing after a kick-off was prepared than after a penalty
-was, and a free kick is one until the ball has moved. Packets are repeated, and any may be lost. What is in doubt is a
-halt: a command that is not known here, and a moment in which it is not clear who the referee is.
+A command alone does not determine the phase. `NORMAL_START` has different meanings after a prepared kick-off and after
+a prepared penalty, and a free kick ends when the ball has moved. Packets are repeated, and any of them may be lost. In
+doubt the game counts as halted: after an unknown command, or before it is clear which sender is the referee.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Phase = Literal[
 ]
 
 C = RefereeCommand
-# each command's phase, and whose turn it is
+# phase of each command, and the team whose turn it is
 _COMMANDS: dict[RefereeCommand, tuple[Phase, Team]] = {
     C.HALT: ("halt", Team.UNKNOWN),
     C.STOP: ("stop", Team.UNKNOWN),
@@ -46,7 +46,7 @@ _COMMANDS: dict[RefereeCommand, tuple[Phase, Team]] = {
     C.INDIRECT_FREE_BLUE: ("free_kick", Team.BLUE),
     C.TIMEOUT_YELLOW: ("time_out", Team.YELLOW),
     C.TIMEOUT_BLUE: ("time_out", Team.BLUE),
-    # announced for a moment only, while the game is stopped
+    # sent only for a moment while the game is stopped
     C.GOAL_YELLOW: ("stop", Team.UNKNOWN),
     C.GOAL_BLUE: ("stop", Team.UNKNOWN),
     C.BALL_PLACEMENT_YELLOW: ("ball_placement", Team.YELLOW),
@@ -54,33 +54,33 @@ _COMMANDS: dict[RefereeCommand, tuple[Phase, Team]] = {
 }
 
 
-# distance from the kick-off place from which the ball is in play, by the rules
+# distance from the place of a kick at which the ball is in play, by the rules
 _IN_PLAY_M = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class GameState:
-    """What one team must know of the game now."""
+    """The state of the game for one team."""
 
     phase: Phase  #: a kick-off that has been started is a free kick until the ball has moved
-    #: this team has the kick-off, free kick, penalty, ball placement or time-out
+    #: whether this team has the kick-off, free kick, penalty, ball placement or time-out
     own_turn: bool
-    attacks: int | None  #: +1: this team plays towards +x; -1: towards -x; None: the game controller does not say
+    attacks: int | None  #: +1: this team plays towards +x; -1: towards -x; None: unknown
     #: numbers of the robots that keep the goals
     goalkeeper: int
     opponent_goalkeeper: int
-    #: so many robots of this team may be on the field, its yellow cards counted; None: it is not said
+    #: number of robots of this team that may be on the field, with regard to yellow cards; None: unknown
     max_robots: int | None
-    placement_m: tuple[float, float] | None  #: where the ball shall be placed, field frame
-    next_phase: Phase | None = None  #: what comes after this stop or placement; None: it is not said
+    placement_m: tuple[float, float] | None  #: where the ball is to be placed, field frame
+    next_phase: Phase | None = None  #: the phase after this stop or placement; None: unknown
     next_own_turn: bool = False  #: whether it will be this team's turn then
-    #: how long the kick, placement or preparation may take yet; None: it is not said
+    #: time left for the kick, placement or preparation; None: unknown
     action_left_s: float | None = None
     can_place_ball: bool = True  #: whether the game controller lets this team place the ball
-    doubt: str = ""  #: why the game is taken for halted though no halt was commanded; empty if it is not
+    doubt: str = ""  #: why the game counts as halted without the command HALT; empty if it does not
 
 
-# before the first packet nobody may move
+# before the first packet no robot may move
 _SILENT = GameState("halt", False, None, 0, 0, None, None, doubt="no referee")
 
 
@@ -90,13 +90,13 @@ class Game:
     Parameters
     ----------
     kick_s : float
-        A kick that is not taken in this time is everybody's: ten seconds on division B, five on division A. A game
-        controller that tells how much time is left is believed instead.
+        Time after which both teams may play a ball that has not been kicked: ten seconds in division B, five in
+        division A. If the game controller sends the time left, that is used instead.
 
     Raises
     ------
     ArgumentError
-        If the team is neither.
+        If the team is neither yellow nor blue.
     """
 
     def __init__(self, team: Team, kick_s: float = 10.0) -> None:
@@ -112,12 +112,12 @@ class Game:
         self._kick_from: tuple[float, float] | None = None
 
     def update(self, packet: Referee, address: tuple[str, int] | None = None, received_s: float | None = None) -> None:
-        """Take in a packet; a repeated one changes nothing but what it counts, and one of another referee nothing.
+        """Take in a packet. A repeated command does not change the phase; packets of another referee are ignored.
 
         Parameters
         ----------
         received_s : float, optional
-            When it was received, by any clock that goes on; default: now.
+            Time of reception, by any monotonic clock; default: now.
         """
         source = packet.source_identifier, address
         if not self._referees.hear(source, time.monotonic() if received_s is None else received_s):
@@ -138,12 +138,12 @@ class Game:
         self._since_s = self._kick_from = None
 
     def lose_referee(self) -> None:
-        """Let nobody move until the referee speaks again; what he said before is remembered until then."""
+        """Count as halted until the next packet of the referee; the phase is remembered until then."""
         self._is_lost = True
 
     @property
     def problem(self) -> str:
-        """What is odd about the referee, in words; empty if nothing is."""
+        """The problem with the sender of the packets, in words; empty if there is none."""
         return self._referees.problem
 
     def state(self, t_s: float, ball_m: tuple[float, float] | None) -> GameState:
@@ -152,9 +152,9 @@ class Game:
         Parameters
         ----------
         t_s : float
-            Now, by any clock that goes on.
+            The present time, by any monotonic clock.
         ball_m : (float, float) or None
-            Where the ball is, field frame; None while it is not known.
+            Position of the ball, field frame; None while it is not known.
         """
         packet = self._packet
         if packet is None or self._is_lost:
@@ -188,7 +188,7 @@ class Game:
     def _watch_kick(self, t_s: float, ball_m: tuple[float, float] | None) -> None:
         """Let play go on once the ball has moved, or the time for the kick is over."""
         if self._since_s is None or t_s < self._since_s:
-            # it begins, or the clock was set back
+            # the kick begins, or the clock was set back
             self._since_s = t_s
         if self._kick_from is None:
             self._kick_from = ball_m

@@ -1,9 +1,9 @@
 """The league's log files: datagrams with their time of reception, read and written one by one.
 
-A file begins with a mark and a version; then each entry has its time (ns), its kind and its size, all big-endian.
-Names that end in ``gz`` are compressed. An index, if there is one, is the last entry: the place of each entry before
-it, the index's own size, and a mark. Entries that cannot be read are counted, with the place of the first. A file that
-cannot be written raises `FileError`.
+A file begins with a magic string and a version; then each entry has its time (ns), its kind and its size, all
+big-endian. Files whose names end in ``gz`` are compressed. An index, if there is one, is the last entry: the byte
+offset of each entry before it, the index's own size, and a mark. Entries that cannot be decoded are counted, and the
+number of the first is noted. A file that cannot be written raises `FileError`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from robocup_vision.ssl.values.tracked import TrackerPacket
 
 MAGIC, VERSION = b"SSL_LOG_FILE", 1
 INDEX_MARK = b"INDEXED"
-# a datagram has at most 64 kB; an index has 8 bytes an entry, and days of play stay below this
+# larger sizes mean damage: datagrams have at most 64 kB, and even days of play a smaller index (8 bytes per entry)
 MAX_ENTRY_BYTES = 1 << 30
 _HEAD = struct.Struct(">qii")
 _FILE_HEAD = struct.Struct(">12si")
@@ -36,7 +36,7 @@ NS_PER_S = 1e9
 
 
 class LogKind(IntEnum):
-    """What an entry is."""
+    """The kinds of entries."""
 
     BLANK = 0
     UNKNOWN = 1
@@ -67,13 +67,13 @@ class LogEntry:
     def value(self) -> LogValue | None:
         """The decoded message.
 
-        None for a blank entry, an index, and vision of 2010, whose layout is another. An entry of unknown kind is the
-        first of vision, referee and tracker packet that its bytes fit.
+        None for a blank entry, an index, and vision packets of 2010, which have another layout. An entry of kind
+        UNKNOWN is decoded as the first of vision, referee and tracker packet that its bytes fit.
 
         Raises
         ------
         PacketError
-            If it is not of its kind, or its kind is unknown.
+            If the bytes are not a message of the entry's kind, or there is no such kind.
         """
         if self.kind in (LogKind.BLANK, LogKind.INDEX, LogKind.VISION_2010):
             return None
@@ -90,7 +90,7 @@ def log_entry(received_ns: int, value: LogValue) -> LogEntry:
 
 
 class SslLog(Closing):
-    """Reads a log; iterate over it to get its entries, as often as you like. Close it, or use it in a ``with``.
+    """Reads a log; it can be iterated over several times to get its entries. Close it, or use it in a ``with``.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ class SslLog(Closing):
     Raises
     ------
     FileError
-        If it cannot be read or is no such log. Iterating raises it after the last whole entry of a damaged file.
+        If the file is unreadable or not a log. Iterating raises it after the last complete entry of a damaged file.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -111,7 +111,7 @@ class SslLog(Closing):
                 self._file = cast(BinaryIO, gzip.GzipFile(fileobj=self._file))
             head = self._file.read(_FILE_HEAD.size)
         except (OSError, EOFError) as error:
-            raise FileError(path, f"cannot be read ({_words(error)})") from None
+            raise FileError(path, f"cannot be read ({_reason(error)})") from None
         if len(head) < _FILE_HEAD.size or head[: len(MAGIC)] != MAGIC:
             self._file.close()
             raise FileError(path, "is no log of the small-size league (it does not begin with SSL_LOG_FILE)")
@@ -125,11 +125,11 @@ class SslLog(Closing):
         self._file.close()
 
     def __iter__(self) -> Iterator[LogEntry]:
-        """Yield every entry, the index too if there is one."""
+        """Yield every entry, including the index if there is one."""
         return (entry for _, entry in self._placed())
 
     def entry_at(self, place: int) -> LogEntry:
-        """Return the entry that begins at a byte, one of `places`; raises `FileError` where none does."""
+        """Return the entry that begins at byte `place`, one of `places`; raises `FileError` if none does."""
         entry = self._read(place) if place >= _FILE_HEAD.size else None
         if entry is None:
             raise FileError(self.path, f"has no entry at byte {place}")
@@ -137,14 +137,14 @@ class SslLog(Closing):
 
     @property
     def places(self) -> tuple[int, ...]:
-        """Byte at which each entry begins (uncompressed), the index left out: from the index, else by reading on."""
+        """Byte at which each entry except the index begins (uncompressed), from the index or by reading the file."""
         indexed = None if self.path.name.endswith("gz") else self._read_index()
         if indexed is not None:
             return indexed
         return tuple(place for place, entry in self._placed() if entry.kind != LogKind.INDEX)
 
     def _placed(self) -> Iterator[tuple[int, LogEntry]]:
-        """Yield every entry behind its place."""
+        """Yield the byte at which each entry begins, and the entry."""
         place = _FILE_HEAD.size
         while (entry := self._read(place)) is not None:
             yield place, entry
@@ -167,7 +167,7 @@ class SslLog(Closing):
         return struct.unpack_from(f">{count}q", entry.data)
 
     def _read(self, place: int) -> LogEntry | None:
-        """Return the entry at a byte, or None at the end of the file."""
+        """Return the entry that begins at byte `place`, or None at the end of the file."""
         try:
             self._file.seek(place)
             head = self._file.read(_HEAD.size)
@@ -180,22 +180,22 @@ class SslLog(Closing):
                 raise FileError(self.path, f"is damaged at byte {place}: an entry's size", value=size)
             data = self._file.read(size)
         except (OSError, EOFError, zlib.error) as error:
-            raise FileError(self.path, f"cannot be read beyond byte {place} ({_words(error)})") from None
+            raise FileError(self.path, f"cannot be read beyond byte {place} ({_reason(error)})") from None
         if len(data) < size:
             raise FileError(self.path, f"ends within the entry at byte {place}: {len(data)} of {size} bytes are there")
         return LogEntry(received_ns, kind, data)
 
 
 class SslLogWriter(Closing):
-    """Writes a log. Close it, or use it in a ``with``: only then it is whole.
+    """Writes a log. Close it, or use it in a ``with``: the file is complete only after that.
 
     Parameters
     ----------
     path : str or Path
-        The file, replaced if it is there; compressed where its name ends in ``gz``. The same entries give the same
-        bytes.
+        The file; an existing one is replaced. It is compressed if its name ends in ``gz``. The same entries give the
+        same bytes.
     index : bool
-        Write an index at the end, for tools that jump.
+        Write an index at the end, for tools with random access.
     """
 
     def __init__(self, path: str | Path, *, index: bool = False) -> None:
@@ -206,10 +206,10 @@ class SslLogWriter(Closing):
             self._plain = self.path.open("wb")
             self._file: BinaryIO = self._plain
             if self.path.name.endswith("gz"):
-                # neither name nor time in its head
+                # no name and time in the header, so that equal logs are equal bytes
                 self._file = cast(BinaryIO, gzip.GzipFile("", "wb", fileobj=self._plain, mtime=0))
         except OSError as error:
-            raise FileError(path, f"cannot be written ({_words(error)})") from None
+            raise FileError(path, f"cannot be written ({_reason(error)})") from None
         self._write(_FILE_HEAD.pack(MAGIC, VERSION))
 
     def write(self, entry: LogEntry) -> None:
@@ -221,7 +221,7 @@ class SslLogWriter(Closing):
         self._write(_HEAD.pack(entry.received_ns, entry.kind, len(entry.data)) + entry.data)
 
     def close(self) -> None:
-        """Write the index, if one is wanted, and close the file."""
+        """Write the index, if `index` was set, and close the file."""
         if self._plain.closed:
             return
         if self._places is not None:
@@ -236,7 +236,7 @@ class SslLogWriter(Closing):
         try:
             self._file.write(data)
         except OSError as error:
-            raise FileError(self.path, f"cannot be written ({_words(error)})") from None
+            raise FileError(self.path, f"cannot be written ({_reason(error)})") from None
         self._place += len(data)
 
 
@@ -246,29 +246,29 @@ def _guess(data: bytes) -> LogValue:
             value = decode(_VALUES[kind], data)
         except PacketError:
             continue
-        # a message of optional fields alone takes any bytes: a message without known fields is rejected
+        # a vision packet has only optional fields, so it decodes from many bytes: one without any is rejected
         if not (isinstance(value, VisionPacket) and value.detection is None and value.geometry is None):
             return value
     raise PacketError(f"{len(data)} bytes are neither a vision packet nor a referee's nor a tracker's")
 
 
-def _words(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     return str(getattr(error, "strerror", None) or error)
 
 
 @dataclass(slots=True)
 class Unreadable:
-    """What of a log could not be read."""
+    """The parts of a log that could not be read."""
 
-    count: int = 0  #: entries that are not of their kind
-    first: str = ""  #: which is the first of them, and what is wrong with it; empty if none is
+    count: int = 0  #: number of entries that could not be decoded
+    first: str = ""  #: number of the first of them and its error; empty if there is none
     damage: str = ""  #: why the file could not be read to its end; empty if it could
 
 
 def readable(log: Iterable[LogEntry], unreadable: Unreadable) -> Iterator[tuple[int, LogEntry, LogValue | None]]:
-    """Yield the number of each entry in the log, the entry, and its message; note the others.
+    """Yield the number of each entry in the log, the entry, and its message.
 
-    Of an entry that is not of its kind the message is None, as of a blank one.
+    Where an entry cannot be decoded, the message is None and `unreadable` is updated.
     """
     try:
         for number, entry in enumerate(log):
@@ -285,17 +285,17 @@ def readable(log: Iterable[LogEntry], unreadable: Unreadable) -> Iterator[tuple[
 
 @dataclass(slots=True)
 class LogInfo:
-    """What a log holds."""
+    """A summary of a log."""
 
-    entries: dict[str, int] = field(default_factory=dict)  #: how many of each kind, by name
-    #: when the first and the last entry with a time were received
+    entries: dict[str, int] = field(default_factory=dict)  #: number of entries by the name of their kind
+    #: when the first and the last entry except the index were received, nanoseconds since 1970
     first_ns: int | None = None
     last_ns: int | None = None
     cameras: dict[int, int] = field(default_factory=dict)  #: detection frames of each camera
     geometry_packets: int = 0  #: packets with a geometry
     field_m: tuple[float, float] | None = None  #: length and width of the field in the last geometry
     trackers: dict[str, int] = field(default_factory=dict)  #: packets of each tracker, by its name or else its uuid
-    #: the referee's commands in their order, each when its counter changed
+    #: the referee's commands in their order; one is added whenever the command counter changes
     commands: list[str] = field(default_factory=list)
     teams: tuple[str, str] | None = None  #: names of yellow and blue
     score: tuple[int, int] | None = None  #: goals of yellow and blue in the last referee packet
@@ -303,7 +303,7 @@ class LogInfo:
 
     @property
     def duration_s(self) -> float:
-        """Between the first and the last entry."""
+        """Time between the first and the last entry."""
         if self.first_ns is None or self.last_ns is None:
             return 0.0
         return (self.last_ns - self.first_ns) / NS_PER_S

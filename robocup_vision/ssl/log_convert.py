@@ -1,8 +1,8 @@
-"""A league log as tables in the messages' own units, or as an MCAP file with the same datagrams on topics.
+"""Converts a league log to tables in the messages' own units, or to an MCAP file with the same datagrams on topics.
 
-The columns of detections and referee packets are those in which the league's recordings are passed around. Nothing is
-converted for MCAP: the file holds the bytes that were received, and the layout of our values as their schema.
-Both raise `FileError` where the output cannot be written; MCAP raises `RobocupVisionError` where mcap is not installed.
+The columns of detections and referee packets are those commonly used for the league's recordings. For MCAP nothing is
+converted: the file holds the bytes that were received, with a schema made from our message types.
+Both functions raise `FileError` if the output cannot be written; MCAP needs mcap, else `RobocupVisionError` is raised.
 """
 
 from __future__ import annotations
@@ -43,22 +43,22 @@ _TOPICS: dict[type, str] = {VisionPacket: "/vision", TrackerPacket: "/tracker", 
 
 
 def write_tables(log: SslLog, folder: Path) -> tuple[dict[str, int], Unreadable]:
-    """Write ``detections.csv``, ``referee.csv`` and ``tracked.csv``, those that have rows.
+    """Write ``detections.csv``, ``referee.csv`` and ``tracked.csv``, except those without rows.
 
     Parameters
     ----------
     folder : Path
-        Where to; made if missing.
+        Output folder; made if missing.
 
     Returns
     -------
     (dict of str to int, Unreadable)
-        Rows of each table, those without rows left out, and what could not be read.
+        Number of rows of each table that has any, and what could not be read.
     """
     rows, unreadable = dict.fromkeys(FILES, 0), Unreadable()
     with telling_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        # written as they come: a log of a match is larger than memory should hold
+        # rows are written one by one, because the tables of a match would need much memory
         opened = {name: (folder / f"{name}.csv").open("w", newline="", encoding="utf-8") for name in FILES}
         try:
             writers = {name: csv.writer(file, lineterminator="\n") for name, file in opened.items()}
@@ -131,7 +131,7 @@ def _tracked(index: int, packet: TrackerPacket, frame: TrackedFrame) -> Iterator
 
 
 def _mm(length_m: float) -> float:
-    """Return millimetres as the message has them."""
+    """Return millimetres, rounded to the float32 of the message."""
     return float(np.float32(1000 * length_m))
 
 
@@ -141,12 +141,12 @@ def write_mcap(log: SslLog, path: Path) -> tuple[dict[str, int], Unreadable]:
     Parameters
     ----------
     path : Path
-        Where to; its folder is made if missing.
+        Output file; its folder is made if missing.
 
     Returns
     -------
     (dict of str to int, Unreadable)
-        Messages of each topic, and what could not be read.
+        Number of messages of each topic, and what could not be read.
     """
     try:
         from mcap.writer import Writer

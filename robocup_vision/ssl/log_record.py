@@ -1,4 +1,4 @@
-"""Records what the league's programs send to everybody: vision, trackers and the referee, as it comes."""
+"""Records the multicast packets of the league's programs as received: vision, trackers and the referee."""
 
 from __future__ import annotations
 
@@ -31,28 +31,28 @@ def record_log(
     referee_port: int,
     replaces: bool = False,
 ) -> dict[str, int]:
-    """Write what is received into a log until told to stop.
+    """Write received packets into a log until `goes_on` returns false.
 
     Parameters
     ----------
     path : str or Path
-        The log; compressed where its name ends in ``gz``.
+        The log; it is compressed if its name ends in ``gz``.
     goes_on : callable
-        Called some times a second with the entries of each kind so far; recording ends when it returns false.
+        Called a few times per second with the number of entries of each kind so far; false ends the recording.
     replaces : bool
-        Whether a file that is there is replaced.
+        Whether an existing file is replaced.
 
     Returns
     -------
     dict of str to int
-        Entries of each kind.
+        Number of entries of each kind.
 
     Raises
     ------
     FileError
-        If the file is there already or cannot be written.
+        If the file exists already or cannot be written.
     ArgumentError
-        If the interface or a port cannot be had.
+        If the interface or a port is not available.
     """
     if Path(path).exists() and not replaces:
         raise FileError(path, "is there already (use --force to replace it)")

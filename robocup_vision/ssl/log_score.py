@@ -1,8 +1,8 @@
-"""Scores a tracker on a log: ours and the last detection against the log's tracker packets.
+"""Scores a tracker on a log: its errors and those of the last detections, against the log's tracker packets.
 
-At each tracker packet both may use what was received before it, so that the delay of vision counts as well. At each
-exposure the tracker says where robots were then, by that frame and those before, beside what the frame itself says. The
-packets of sim2d are the truth; those of another tracker are its opinion.
+At each tracker packet, both use only what was received before it, so that the delay of vision counts, too. At each
+exposure, the tracker's positions by that frame and those before are compared, as are the frame's own detections. The
+tracker packets of sim2d are the truth; those of another tracker are only estimates.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from robocup_vision.ssl.values.tracked import TrackedFrame, TrackedRobot, Tracke
 
 # a ball without a detection for this time is hidden
 _HIDDEN_S = 0.1
-# the first frames hardly determine the velocity
+# errors are not counted during this time, since the first frames hardly determine the velocity
 _SETTLING_S = 0.5
-# a true frame tells of an exposure so near to it, its velocities taken along: less than half a frame at 60 Hz
+# a true frame is extrapolated by its velocities to an exposure within this time: less than half a frame at 60 Hz
 _SAME_TIME_S = 0.008
-# vision arrives no later than this after the truth of its exposure
+# number of true frames that are kept: vision arrives no later than this many frames after the truth of its exposure
 _KEPT_TRUTHS = 60
 
 
@@ -49,27 +49,27 @@ class _Squares:
 
 @dataclass(frozen=True, slots=True)
 class TrackerScore:
-    """What a tracker was worth on a log; None where there was nothing to compare."""
+    """The errors of a tracker on a log; None if there was nothing to compare."""
 
-    source: str  #: whose tracker packets it was compared with
-    frames: int  #: how many of them
-    #: error of a robot's place: by the tracker, and if the last detection is taken as it is
+    source: str  #: the source of the tracker packets that it was compared with
+    frames: int  #: number of these packets
+    #: RMS error of a robot's position: of the tracker, and of the last detection
     robot_rms_m: float | None
     robot_last_rms_m: float | None
-    #: the same of its direction
+    #: the same for its orientation
     robot_rms_rad: float | None
     robot_last_rms_rad: float | None
-    robot_velocity_rms_mps: float | None  #: error of a robot's velocity
-    #: the same of robots at the moments of the exposures: by the tracker, by the frame itself, and of velocities
+    robot_velocity_rms_mps: float | None  #: RMS error of a robot's velocity
+    #: the same at the times of the exposures: position by the tracker, position by the frame itself, and velocity
     exposed_rms_m: float | None
     exposed_last_rms_m: float | None
     exposed_velocity_rms_mps: float | None
-    #: the same of the ball
+    #: the same for the ball, at the packets
     ball_rms_m: float | None
     ball_last_rms_m: float | None
     ball_velocity_rms_mps: float | None
     ball_hidden: int  #: how often no camera saw the ball for more than a tenth of a second
-    ball_refound_s: float | None  #: the longest time from when it was seen again until the tracker had it
+    ball_refound_s: float | None  #: longest time from its next detection until the tracker was right again
 
 
 def score_log(
@@ -80,11 +80,11 @@ def score_log(
     Parameters
     ----------
     entries : iterable of LogEntry
-        In the order of their reception.
+        The log's entries, in the order of their reception.
     tracker : OverheadTracker, optional
-        A fresh one unless given.
+        The tracker to score; by default a new one.
     unreadable : Unreadable, optional
-        Told of entries that cannot be read; they are left out.
+        Collects entries that cannot be read; they are ignored.
 
     Raises
     ------
@@ -117,7 +117,7 @@ class _Run:
         self._refound_s: float | None = None
         self._truths: deque[TrackedFrame] = deque(maxlen=_KEPT_TRUTHS)
         self._source = ""
-        # of the first tracker in the log: others are left out
+        # identifies the first tracker in the log; packets of others are ignored
         self.uuid: str | None = None
         self.frames = 0
 

@@ -1,9 +1,9 @@
-"""How robots move, filtered by several models of motion at once: an interacting multiple model (IMM) filter.
+"""Filters the motion of robots with an interacting multiple model (IMM) filter.
 
-A robot of the league drives straight on for a while, then speeds up or brakes as hard as it can. One model of motion
-either smooths too little in the one case or lags behind in the other. Here each robot has several, each with its own
-Kalman filter; how well each foretells the next detection says how probable it is (Blom and Bar-Shalom 1988). All robots
-of a frame are filtered in one go.
+A robot of the league drives straight on for a while, then accelerates or brakes as hard as it can. A single model of
+motion either smooths too little in the first case or lags behind in the second. Here each robot has several models,
+each with its own Kalman filter; their probabilities follow from how well they predict the detections (Blom and
+Bar-Shalom 1988). All robots of a frame are filtered in one vectorised step.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ IntArray = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class MotionModel:
-    """One model of how a robot moves, the same along both axes."""
+    """One model of a robot's motion, the same along both axes."""
 
-    decay_s: float  #: its acceleration fades in about this time (Singer 1970); 0: it has none
-    power: float  #: of the noise that disturbs it: of the jerk, m^2/s^5, or, without an acceleration, of that, m^2/s^3
+    decay_s: float  #: time constant with which its acceleration decays (Singer 1970); 0: it has no acceleration
+    power: float  #: power of the process noise: of the jerk, m^2/s^5, or if `decay_s` is 0 of the acceleration, m^2/s^3
 
 
-# straight on; speeding up gently; hard; and a command that has just changed
+# straight on; gentle acceleration; hard acceleration; a command that has just changed
 MODELS = (MotionModel(0.0, 0.001), MotionModel(1.0, 3.0), MotionModel(0.5, 100.0), MotionModel(0.2, 5000.0))
-# mean time for which a robot moves by one model
+# mean time for which a robot keeps to one model
 _STAY_S = 1.0
-# noise of a detection, each axis
+# standard deviation of a detection along each axis
 _STD_M = 0.0013
-#: how fast something new may be, as a standard deviation
+#: standard deviation of the velocity of something new
 START_SPEED_MPS = 2.0
-# time constant with which an acceleration is extrapolated beyond the last frame
+# time constant with which the acceleration decays in extrapolation beyond the last frame
 _FORESIGHT_S = 0.03
 
 
@@ -52,7 +52,7 @@ class MotionFilter:
         self._prob: FloatArray = np.empty((0, count))
 
     def add(self) -> int:
-        """Return the number of a new row; `start` it."""
+        """Return the number of a new row, which must be initialised with `start`."""
         models = len(self._decay_s)
         self._t_s = np.append(self._t_s, 0.0)
         self._mean = np.append(self._mean, np.zeros((1, models, 2, 3)), axis=0)
@@ -61,7 +61,7 @@ class MotionFilter:
         return len(self._t_s) - 1
 
     def start(self, row: int, t_s: float, x_m: float, y_m: float) -> None:
-        """Begin a row anew with something detected at a time."""
+        """Initialise a row with a place detected at a time."""
         self._t_s[row] = t_s
         self._mean[row] = 0.0
         self._mean[row, :, 0, 0], self._mean[row, :, 1, 0] = x_m, y_m
@@ -70,7 +70,7 @@ class MotionFilter:
         self._cov[row, self._decay_s > 0, 2, 2] = START_SPEED_MPS**2
 
     def predict(self, rows: IntArray, t_s: float) -> None:
-        """Go on with rows (N,) to a time; those that are there or beyond stay."""
+        """Predict rows (N,) to a time; those that are at that time or later stay."""
         rows = rows[self._t_s[rows] < t_s]
         if not len(rows):
             return
@@ -82,13 +82,13 @@ class MotionFilter:
         self._t_s[rows] = t_s
 
     def innovations(self, rows: IntArray, places_m: FloatArray, t_s: float) -> FloatArray:
-        """Return how far detections (N, 2) of a time lie from where rows (N,) should be then: (N, 2) metres."""
+        """Return detections (N, 2) of a time minus the predictions of rows (N,) for it: (N, 2) metres."""
         ahead_s = (t_s - self._t_s[rows])[:, None]
         mean = np.einsum("nk,nkai->nai", self._prob[rows], self._mean[rows])
         return np.asarray(places_m - mean[:, :, 0] - ahead_s * mean[:, :, 1])
 
     def update(self, rows: IntArray, places_m: FloatArray, t_s: float) -> None:
-        """Take in detections (N, 2) of a time at or shortly before that of the rows (N,)."""
+        """Update rows (N,) with detections (N, 2), whose time is that of the rows or shortly before."""
         mean, cov = self._mean[rows], self._cov[rows]
         late_s = (self._t_s[rows] - t_s)[:, None, None]
         innovation = places_m[:, None, :] - (mean[..., 0] - late_s * mean[..., 1])
@@ -97,7 +97,7 @@ class MotionFilter:
         self._mean[rows] = mean + innovation[..., None] * gain[..., None, :]
         self._cov[rows] = cov - gain[..., :, None] * cov[..., None, 0, :]
         exponent = np.sum(innovation**2, axis=-1) / (2 * total)
-        # the likeliest model's exponent is taken out: the others must not underflow together
+        # relative to the likeliest model, so that not all likelihoods underflow
         likelihood = np.exp(-(exponent - exponent.min(axis=1, keepdims=True))) / total
         probability = self._prob[rows] * likelihood
         self._prob[rows] = probability / probability.sum(axis=1, keepdims=True)
@@ -113,7 +113,7 @@ class MotionFilter:
         return place, velocity
 
     def _mixed(self, rows: IntArray, dt: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return means and covariances with which each model goes on, mixed from all; updates the probabilities."""
+        """Return the mixed means and covariances of each model for the next step; updates the probabilities."""
         count = len(self._decay_s)
         mean, cov, before = self._mean[rows], self._cov[rows], self._prob[rows]
         if count == 1:
@@ -124,14 +124,14 @@ class MotionFilter:
         after = np.maximum(joint.sum(axis=1), 1e-12)
         weight = joint / after[:, None, :]
         mixed = np.einsum("nij,niax->njax", weight, mean)
-        # the axes share one covariance: their spreads are averaged
+        # both axes share one covariance, so their spreads are averaged
         apart = mean[:, :, None] - mixed[:, None, :]
         spread = np.einsum("nij,nijax,nijay->njxy", weight, apart, apart) / 2
         self._prob[rows] = after
         return mixed, np.einsum("nij,nixy->njxy", weight, cov) + spread
 
     def _noise(self, dt: FloatArray) -> FloatArray:
-        """Return what a time (N, 1) adds to the covariances: (N, K, 3, 3)."""
+        """Return the process noise (N, K, 3, 3) over times (N, 1)."""
         out = np.zeros((len(dt), len(self._decay_s), 3, 3))
         still = self._decay_s == 0.0
         jerky = ~still
@@ -149,7 +149,7 @@ class MotionFilter:
 
 
 def _transitions(dt: FloatArray, decay_s: FloatArray) -> FloatArray:
-    """Return the matrices (N, K, 3, 3) that carry position, velocity and acceleration over times (N, 1)."""
+    """Return the transition matrices (N, K, 3, 3) of position, velocity and acceleration over times (N, 1)."""
     out = np.zeros((len(dt), len(decay_s), 3, 3))
     out[..., 0, 0] = out[..., 1, 1] = 1.0
     out[..., 0, 1] = dt

@@ -1,7 +1,6 @@
-"""Who sits at the game controller's keyboard, as a program: it goes on where the game controller waits for a person.
+"""Replaces the person at the game controller's page: continues the match whenever the game controller waits.
 
-The game controller's page speaks JSON over a web socket (port 8081). It lists what can be done next; the rest, kicks
-and placements, it does by itself.
+The game controller's page uses JSON over a web socket (port 8081). It lists the actions by which the match can go on.
 """
 
 from __future__ import annotations
@@ -18,23 +17,23 @@ from robocup_vision.ssl.framed import TIMEOUT_S, connect
 from robocup_vision.ssl.sockets import LOOPBACK
 
 OPERATOR_PORT = 8081
-# what a person would press, as soon as it is offered
+# actions that are pressed as soon as they are offered
 _PRESSED = frozenset({"ACCEPT_GOAL", "RESUME_FROM_HALT", "NEXT_STAGE", "END_GAME", "TIMEOUT_STOP"})
-# what the game controller does by itself unless something is in the way: a person presses it after a while
-_PRESSED_AT_LAST = frozenset({"NEXT_COMMAND", "NORMAL_START", "FORCE_START"})
+# actions that the game controller takes by itself, unless something prevents it: they are pressed after a while
+_PRESSED_LATE = frozenset({"NEXT_COMMAND", "NORMAL_START", "FORCE_START"})
 _NOT_OFFERED = frozenset({"DISABLED", "WAITING"})
-_SOON_S, _AT_LAST_S, _AGAIN_S = 1.0, 15.0, 2.0
-# the page's messages are of some hundred kilobytes at most
+_SOON_S, _LATE_S, _AGAIN_S = 1.0, 15.0, 2.0
+# the page's messages have at most some hundred kilobytes
 _MAX_BYTES = 16 * 1024 * 1024
 
 
 class Operator(Closing):
-    """Presses what a person at the game controller would press. Close it, or use it in a ``with``.
+    """Presses what a person at the game controller would press. Close it, or use it in a ``with`` statement.
 
     Parameters
     ----------
     division : str, optional
-        ``DIV_A`` or ``DIV_B``: set at the beginning.
+        ``DIV_A`` or ``DIV_B``, which is set at the beginning.
 
     Raises
     ------
@@ -76,12 +75,12 @@ class Operator(Closing):
         self._opened.close()
 
     def look(self, now_s: float | None = None) -> None:
-        """Read what the game controller tells, and press what is due; call it some times a second.
+        """Read the game controller's messages, and press what is due; call it a few times per second.
 
         Parameters
         ----------
         now_s : float, optional
-            Now, by any clock that goes on; default: this machine's.
+            Present time by any steady clock; default: this machine's.
 
         Raises
         ------
@@ -105,7 +104,7 @@ class Operator(Closing):
             self._since_s = now_s + _AGAIN_S
 
     def _set_match(self) -> None:
-        """Set what the game controller wants to know before a match: its kind, the division, the teams' names."""
+        """Set what the game controller needs before a match: its kind, the division, the teams' names."""
         self._is_set = True
         match: dict[str, str] = {}
         if self._state.get("matchType") in (None, "UNKNOWN_MATCH"):
@@ -119,34 +118,34 @@ class Operator(Closing):
                 self._send({"change": {"updateTeamStateChange": {"forTeam": team, "teamName": team.capitalize()}}})
 
     def _wanted(self) -> tuple[dict[str, str], float]:
-        # where a match can end, it ends, instead of going on into overtime
+        # a match is ended as soon as possible, without overtime
         for action in sorted(self._actions, key=lambda action: action.get("type") != "END_GAME"):
             kind, is_offered = action.get("type", ""), action.get("state") not in _NOT_OFFERED
             wish = {"type": kind, "forTeam": action.get("forTeam", "UNKNOWN")}
             if kind == "ACCEPT_GOAL" and action.get("continuationIssues"):
-                # it was none
+                # probably not a goal
                 continue
             if kind in _PRESSED and is_offered:
-                return wish, _AT_LAST_S if action.get("continuationIssues") else _SOON_S
-            if kind in _PRESSED_AT_LAST and is_offered:
-                return wish, _AT_LAST_S
+                return wish, _LATE_S if action.get("continuationIssues") else _SOON_S
+            if kind in _PRESSED_LATE and is_offered:
+                return wish, _LATE_S
         return {"type": "", "forTeam": ""}, 0.0
 
     def _send(self, value: object) -> None:
-        with self._telling_loss():
+        with self._connection_loss():
             self._socket.send(json.dumps(value))
 
     def _texts(self) -> list[str | bytes]:
-        """Return the texts that have come."""
+        """Return the messages that have arrived."""
         texts: list[str | bytes] = []
         end_s = time.monotonic() + 0.05
-        with self._telling_loss(), suppress(TimeoutError):
+        with self._connection_loss(), suppress(TimeoutError):
             while time.monotonic() < end_s:
                 texts.append(self._socket.recv(timeout=0))
         return texts
 
     @contextmanager
-    def _telling_loss(self) -> Iterator[None]:
+    def _connection_loss(self) -> Iterator[None]:
         try:
             yield
         except self._closed:

@@ -1,8 +1,8 @@
-"""The frames of all cameras as one look at the field: who stands where two cameras see it is one robot.
+"""Merges the frames of all overhead cameras: a robot or ball that two cameras see is reported once.
 
-Cameras are neither exposed nor sent together, and each is calibrated by itself. What two of them see near the seam of
-their images differs by millimetres; both are averaged by their confidence. Clocks of cameras may differ, step and begin
-anew: whether a camera still sends is told by the time of reception, and by how far the others have got since.
+Cameras are neither exposed nor sent at the same time, and each has its own calibration. Near the seam of two images
+their measurements differ by millimetres; they are averaged by their confidence. Clocks of cameras may differ, jump and
+restart. So the time of reception, and the progress of the other cameras' clocks, show whether a camera still sends.
 """
 
 from __future__ import annotations
@@ -22,40 +22,40 @@ from robocup_vision.ssl.values.detection import (
 )
 from robocup_vision.ssl.values.geometry import CameraCalibration, Geometry
 
-# a datagram that was overtaken on its way is by so few frames, and so little time, older than the newest
+# a frame that is older than the newest by at most this was overtaken on its way; if older, the sender has restarted
 _LATE_FRAMES, _LATE_S = 8, 1.0
-# no hall has more; a sender must not fill the memory
+# no hall has more; the bound keeps a faulty sender from filling the memory
 MAX_CAMERAS = 64
 
 
 @dataclass(frozen=True, slots=True)
 class MergeSettings:
-    """How frames of several cameras are merged."""
+    """Thresholds for merging frames of several cameras."""
 
-    #: a camera that sent nothing for this time while another did is left out: three frames at 60 Hz
+    #: a camera that sent nothing for this time while another did is ignored: three frames at 60 Hz
     max_age_s: float = 0.05
-    #: balls of two cameras nearer than this are one: a ball at 6.5 m/s goes 0.1 m between two exposures at 60 Hz
+    #: balls of two cameras nearer than this are one: a ball at 6.5 m/s moves 0.1 m between two exposures at 60 Hz
     max_ball_gap_m: float = 0.1
-    #: a robot's number seen at two places farther apart than this is misread at one of them: its diameter
+    #: a number detected at two places farther apart than this, a robot's diameter, was misread at one of them
     max_robot_gap_m: float = 0.18
 
 
 @dataclass(frozen=True, slots=True)
 class Overview:
-    """What all cameras saw."""
+    """The merged detections of all cameras."""
 
     t_capture_s: float  #: when the newest of the frames was exposed, by its camera's clock
-    balls: tuple[DetectionBall, ...]  #: each once
-    #: each once, in order of their numbers; those without a number last
+    balls: tuple[DetectionBall, ...]  #: each ball once
+    #: each robot once, in order of their numbers; robots without a number last
     yellow: tuple[DetectionRobot, ...]
     blue: tuple[DetectionRobot, ...]
-    cameras: tuple[int, ...]  #: whose frames these are
-    problems: tuple[str, ...] = ()  #: what was left out: a number seen at two places, and what is no number
+    cameras: tuple[int, ...]  #: numbers of the cameras whose frames were merged
+    problems: tuple[str, ...] = ()  #: ignored detections: numbers seen at two places, and values that are not finite
 
 
 @dataclass(slots=True)
 class _Camera:
-    """The newest frame of a camera, when it was received, and how far each other camera's clock got since."""
+    """The newest frame of a camera, when it was received, and the time passed since on each other camera's clock."""
 
     frame: DetectionFrame
     problems: tuple[str, ...]
@@ -64,7 +64,7 @@ class _Camera:
 
 
 class CameraMerge:
-    """Takes packets as they come, and has the newest of every camera as one."""
+    """Takes in packets in any order, and merges the newest frame of every camera."""
 
     def __init__(self, settings: MergeSettings = MergeSettings()) -> None:
         self._settings = settings
@@ -74,12 +74,12 @@ class CameraMerge:
         self._cameras: dict[int, CameraCalibration] = {}
 
     def add(self, packet: VisionPacket, received_s: float | None = None) -> None:
-        """Take in a packet; a frame that a newer one of its camera has overtaken is left out.
+        """Take in a packet; a frame that is older than its camera's newest one is ignored.
 
         Parameters
         ----------
         received_s : float, optional
-            When it was received, by any clock that goes on; default: now.
+            Time of reception, by any monotonic clock; default: now.
         """
         if packet.geometry is not None:
             self._geometry = packet.geometry
@@ -98,7 +98,7 @@ class CameraMerge:
             if 0 < behind_s <= _LATE_S and 0 <= behind <= _LATE_FRAMES:
                 return
             if behind_s > _LATE_S or behind > _LATE_FRAMES:
-                # its sender was started anew: who still sends will be back with the next frame
+                # the sender has restarted: forget all cameras; those that still send come back with their next frame
                 self._seen = {}
             for other, camera in self._seen.items():
                 if other != number:
@@ -109,7 +109,7 @@ class CameraMerge:
 
     @property
     def geometry(self) -> Geometry | None:
-        """The newest field with the newest calibration of each camera; None before any came."""
+        """The newest field with the newest calibration of each camera; None before the first geometry."""
         if self._geometry is None:
             return None
         cameras = tuple(self._cameras[number] for number in sorted(self._cameras))
@@ -117,7 +117,7 @@ class CameraMerge:
 
     @property
     def overview(self) -> Overview | None:
-        """The newest frames of all cameras in one; None before any came."""
+        """The merged newest frames of all cameras; None before the first frame."""
         if self._newest is None:
             return None
         newest, most_s = self._seen[self._newest], self._settings.max_age_s
@@ -133,12 +133,12 @@ class CameraMerge:
 
 
 def merge_frames(frames: Iterable[DetectionFrame], settings: MergeSettings = MergeSettings()) -> Overview | None:
-    """Return frames of several cameras as one, or None of none.
+    """Merge frames of several cameras; None if there are none.
 
     Parameters
     ----------
     frames : iterable of DetectionFrame
-        At most one a camera, by one clock: those older than the newest by more than the largest age are left out.
+        At most one per camera, with times of one clock. Frames older than the newest by `max_age_s` are ignored.
     """
     known = sorted((frame for frame in frames if math.isfinite(frame.t_capture_s)), key=lambda frame: frame.camera_id)
     if not known:
@@ -152,7 +152,7 @@ def merge_frames(frames: Iterable[DetectionFrame], settings: MergeSettings = Mer
 def _merged(
     frames: Sequence[DetectionFrame], newest_s: float, problems: list[str], settings: MergeSettings
 ) -> Overview:
-    """Return frames without what is no number, in order of their cameras, as one."""
+    """Merge frames that have only finite values and are in order of their cameras."""
     teams: dict[str, tuple[DetectionRobot, ...]] = {}
     for color, robots in (
         ("yellow", [robot for frame in frames for robot in frame.yellow]),
@@ -186,7 +186,7 @@ def _merged_balls(balls: Sequence[DetectionBall], gap_m: float) -> tuple[Detecti
 
 
 def _merged_robots(robots: Sequence[DetectionRobot], gap_m: float) -> tuple[tuple[DetectionRobot, ...], list[str]]:
-    """Return each robot once, and words on numbers that were seen at two places."""
+    """Return each robot once, and a text for each number that was seen at two places."""
     by_number: dict[int, list[DetectionRobot]] = {}
     for robot in robots:
         if robot.robot_id is not None:
@@ -218,7 +218,7 @@ def _gap_m(one: DetectionRobot, other: DetectionRobot) -> float:
 
 
 def _weight(thing: DetectionBall | DetectionRobot) -> float:
-    # a sender that does not fill it in sends zero
+    # some senders leave the confidence at zero
     return max(thing.confidence, 1e-3)
 
 

@@ -1,8 +1,8 @@
-"""What is odd about what others send: each kind once, with how often it came and the newest words of it."""
+"""Collects problems with received data: the number of each kind, and its newest text."""
 
 from __future__ import annotations
 
-# what a sender can vary must not fill the memory
+# limits the memory, because senders can produce any number of kinds
 _MAX_KINDS = 50
 
 
@@ -12,7 +12,7 @@ class Problems:
     Attributes
     ----------
     counts : dict of str to int
-        How often each kind came, in the order in which they first did.
+        Number of problems of each kind, in order of their first occurrence.
     """
 
     def __init__(self) -> None:
@@ -26,9 +26,9 @@ class Problems:
         Parameters
         ----------
         kind : str
-            What counts as the same.
+            Kind of the problem; problems of the same kind are counted together.
         words : str
-            What is to be said of it; default: its kind.
+            Text of the problem; default: its kind.
         """
         if kind not in self.counts:
             if len(self.counts) >= _MAX_KINDS:
@@ -39,10 +39,10 @@ class Problems:
         self._words[kind] = words or kind
 
     def take_new(self) -> list[str]:
-        """Return the words of kinds that have come up since the last call."""
+        """Return the texts of the kinds that have first occurred since the last call."""
         kinds, self._new = self._new, []
         return [self._words[kind] for kind in kinds]
 
     def lines(self) -> list[str]:
-        """Return one line for each kind: how often, and its newest words."""
+        """Return a line for each kind, with its count and newest text."""
         return [f"{count} x {self._words[kind]}" for kind, count in self.counts.items()]

@@ -1,7 +1,7 @@
-"""Clients that ask one program and get its answer: a simulator's control, and the robots of a team.
+"""Clients that send requests to one program and receive its answers: a simulator's control, and a team's robots.
 
-They raise `ArgumentError` where the program cannot be reached or is lost, and `PacketError` where a number does not fit
-into its field. Over a connection (`SyncClient`), `PacketError` is raised as well where what comes is no answer.
+They raise `ArgumentError` if the program cannot be reached or is lost, and `PacketError` if a number does not fit into
+its field. `SyncClient`, which uses a connection, raises `PacketError` also if it receives anything but an answer.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ T = TypeVar("T")
 
 
 class _Client(DatagramClient[T]):
-    """Sends to one address and receives from there alone; see `DatagramClient`."""
+    """Sends to one address and receives only from there; see `DatagramClient`."""
 
     def __init__(self, answer: type[T], host: str, port: int) -> None:
         super().__init__(answer, socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
@@ -57,7 +57,7 @@ class _Client(DatagramClient[T]):
         try:
             self._socket.send(data)
         except ConnectionError:
-            # is about the datagram before this one: nobody listened then
+            # the error refers to the previous datagram, which no program received
             self._socket.send(data)
         except OSError as error:
             raise ArgumentError(f"cannot send to {self._host}:{self._port}: {error_words(error)}") from None
@@ -69,9 +69,9 @@ class RobotClient(_Client[RobotControlResponse]):
     Parameters
     ----------
     host : str
-        Where the simulator or the radio runs.
+        Machine on which the simulator or the radio runs.
     port : int, optional
-        Default: the league's for that team.
+        Default: the league's port for that team.
     """
 
     def __init__(self, team: Team, host: str = LOOPBACK, port: int | None = None) -> None:
@@ -80,23 +80,23 @@ class RobotClient(_Client[RobotControlResponse]):
         super().__init__(RobotControlResponse, host, port or ROBOT_PORTS[team])
 
     def send(self, commands: Sequence[RobotCommand]) -> None:
-        """Send commands, at most one a robot. A robot without one for 0.1 s stands still."""
+        """Send commands, at most one per robot. A robot without a command for 0.1 s stops."""
         self._send(RobotControl(tuple(commands)))
 
     def step(self, step_s: float, commands: Sequence[RobotCommand], timeout_s: float = 1.0) -> SyncResponse | None:
-        """Let a simulator go on by a step with these commands; return what was seen, or None after a time."""
+        """Advance a simulator by a step with these commands; return its response, or None after the timeout."""
         return self._ask_step(SyncRequest(step_s, robot_control=RobotControl(tuple(commands))), timeout_s)
 
 
 class SyncClient(FramedClient):
-    """Steps a simulator over a connection (TCP), as the league's draft has it. Close it, or use it in a ``with``.
+    """Steps a simulator over TCP, by the league's draft. Close it, or use it in a ``with`` statement.
 
     Parameters
     ----------
     team : Team or None
-        Whose robots are commanded; None: the control's port, which commands none.
+        Team whose robots are commanded; None: the simulator's control port, which does not command robots.
     port : int, optional
-        Default: the league's for that team.
+        Default: the league's port for that team or for control.
     """
 
     def __init__(self, team: Team | None = None, host: str = LOOPBACK, port: int | None = None) -> None:
@@ -112,7 +112,7 @@ class SyncClient(FramedClient):
         command: SimulatorCommand | None = None,
         timeout_s: float = 5.0,
     ) -> SyncResponse:
-        """Go on by a step; return what was seen then. Raises `ArgumentError` if no answer comes in time."""
+        """Advance the simulator by a step; return its response. Raises `ArgumentError` if none arrives in time."""
         control = RobotControl(tuple(commands)) if commands else None
         self._send(SyncRequest(step_s, command, control))
         response = self._receive(SyncResponse, timeout_s)
@@ -122,28 +122,28 @@ class SyncClient(FramedClient):
 
 
 class SimulatorClient(_Client[SimulatorResponse]):
-    """Controls a simulator: puts things somewhere, changes its speed and settings, or steps it."""
+    """Controls a simulator: moves ball and robots, changes its speed and settings, or steps it."""
 
     def __init__(self, host: str = LOOPBACK, port: int = SIMULATION_PORT) -> None:
         super().__init__(SimulatorResponse, host, port)
 
     def send(self, command: SimulatorCommand) -> None:
-        """Send a command; a simulator answers one that held an error, and may answer others."""
+        """Send a command; a simulator answers one with an error, and may answer others."""
         self._send(command)
 
     def step(
         self, step_s: float, command: SimulatorCommand | None = None, timeout_s: float = 1.0
     ) -> SyncResponse | None:
-        """Let it go on by a step, a command first; return what was seen, or None after a time."""
+        """Advance the simulator by a step after a command; return its response, or None after the timeout."""
         return self._ask_step(SyncRequest(step_s, command), timeout_s)
 
     def place_ball(self, x_m: float, y_m: float, vx_mps: float = 0.0, vy_mps: float = 0.0) -> None:
-        """Put the ball on the floor somewhere."""
+        """Put the ball at a place on the floor."""
         ball = TeleportBall(x_m, y_m, 0.0, vx_mps, vy_mps, 0.0)
         self.send(SimulatorCommand(SimulatorControl(ball)))
 
     def place_robot(self, team: Team, number: int, x_m: float, y_m: float, orientation_rad: float) -> None:
-        """Put a robot somewhere, at rest; one that is not on the field is put there."""
+        """Put a robot at a place, at rest; it is added if it is not on the field."""
         robot = TeleportRobot(RobotId(number, team), x_m, y_m, orientation_rad, 0.0, 0.0, 0.0, True)
         self.send(SimulatorCommand(SimulatorControl(robots=(robot,))))
 

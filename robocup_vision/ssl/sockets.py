@@ -1,7 +1,7 @@
-"""The league's addresses, and sockets for them that reach no farther than asked.
+"""The league's addresses, and sockets for them that use only the given network interface.
 
-Without an interface everything stays on the loopback: it is bound to 127.0.0.1, and multicast has a time to live of 0.
-Functions here raise `ArgumentError` where there is no such interface, or the interface or the port cannot be used.
+By default all traffic stays on the loopback: sockets are bound to 127.0.0.1, and multicast has a time to live of 0. The
+functions raise `ArgumentError` if the interface does not exist, or the interface or the port cannot be used.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ VISION_GROUP, VISION_PORT, SIMULATED_VISION_PORT = "224.5.23.2", 10006, 10020
 TRACKER_GROUP, TRACKER_PORT = "224.5.23.2", 10010
 REFEREE_GROUP, REFEREE_PORT = "224.5.23.1", 10003
 SIMULATION_PORT, BLUE_PORT, YELLOW_PORT = 10300, 10301, 10302
-# of a UDP datagram
+# largest payload of a UDP datagram
 MAX_DATAGRAM_BYTES = 65_507
-# frames of several cameras arrive at once; the default holds a few only
+# frames of several cameras arrive at the same time, and the default buffer holds only a few
 _RECEIVE_BUFFER_BYTES = 1 << 20
-# a full buffer holds fewer
+# greatest number of datagrams read at once; a full buffer holds fewer
 _MAX_AT_ONCE = 4096
 _SIOCGIFADDR = 0x8915
 _THREAD_WAIT_S = 0.1
-# Linux: take only what is sent to a group on the interface this socket has joined it on
+# Linux: receive only what is sent to a group on the interface on which this socket has joined it
 _IP_MULTICAST_ALL = 49
 
 
@@ -66,12 +66,12 @@ def interface_address(interface: str) -> str:
 
 
 def multicast_receiver(group: str, port: int, interface: str = "loopback") -> socket.socket:
-    """Return a non-blocking socket that gets what is sent to a group on one interface; others may listen too."""
+    """Return a non-blocking socket that receives a group's datagrams on one interface; others may listen, too."""
     address = interface_address(interface)
     made = _socket()
     try:
         made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
-        # Windows lets nobody bind to a group
+        # Windows does not allow binding to a group
         made.bind(("" if sys.platform == "win32" else group, port))
         membership = socket.inet_aton(group) + socket.inet_aton(address)
         made.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, membership)
@@ -84,13 +84,13 @@ def multicast_receiver(group: str, port: int, interface: str = "loopback") -> so
 
 
 def multicast_sender(interface: str = "loopback", *groups: str) -> socket.socket:
-    """Return a socket that sends to groups on one interface; those who listen on this machine get it too.
+    """Return a socket that sends to groups on one interface; listeners on this machine receive it, too.
 
     Parameters
     ----------
     groups : str
-        Groups that are sent to. The interface then belongs to them, and clients of this machine that have joined on
-        another interface, as many do, get them all the same.
+        The groups to which it sends. It also joins them on the interface, so that clients of this machine that have
+        joined on another interface, as many do, receive the datagrams as well.
     """
     address = interface_address(interface)
     made = _socket()
@@ -98,7 +98,7 @@ def multicast_sender(interface: str = "loopback", *groups: str) -> socket.socket
         made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(address))
         made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, 0 if address == LOOPBACK else 1)
         made.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_LOOP, 1)
-        # Windows lets only a bound socket join
+        # on Windows only a bound socket can join a group
         made.bind(("", 0))
         for group in dict.fromkeys(groups):
             membership = socket.inet_aton(group) + socket.inet_aton(address)
@@ -124,7 +124,7 @@ def server(port: int, interface: str = "loopback") -> socket.socket:
 
 
 def wait_for_datagram(listening: socket.socket, deadline_s: float | None) -> tuple[bytes, Address] | None:
-    """Return the next datagram and who sent it, or None once `time.monotonic` has passed the deadline (None: wait)."""
+    """Return the next datagram and its sender, or None after a deadline by `time.monotonic` (None: no deadline)."""
     while True:
         left_s = None if deadline_s is None else max(deadline_s - time.monotonic(), 0.0)
         ready, _, _ = select.select([listening], [], [], left_s)
@@ -136,19 +136,19 @@ def wait_for_datagram(listening: socket.socket, deadline_s: float | None) -> tup
 
 
 def take_datagram(listening: socket.socket) -> tuple[bytes, Address] | None:
-    """Return a datagram that is there, and who sent it; None if there is none."""
+    """Return a datagram that has arrived, and its sender; None if there is none."""
     try:
         data, sender = listening.recvfrom(MAX_DATAGRAM_BYTES)
     except (BlockingIOError, ConnectionError):
-        # a connection error is about what was sent before: nobody listened there; somebody may yet
+        # a connection error refers to an earlier datagram that no program received; one may listen later
         return None
     return data, (sender[0], sender[1])
 
 
 def take_newest(listening: socket.socket, most: int = _MAX_AT_ONCE) -> tuple[list[tuple[bytes, Address]], int]:
-    """Return what is there without waiting, of more than so many datagrams the newest, and how many were passed over.
+    """Return the newest `most` datagrams that have arrived, without waiting, and the number of older ones skipped.
 
-    However fast others send, it ends.
+    It returns after at most `_MAX_AT_ONCE` datagrams, however fast others send.
     """
     waiting: deque[tuple[bytes, Address]] = deque(maxlen=most)
     count = 0
@@ -169,14 +169,14 @@ async def await_datagram(listening: socket.socket, deadline_s: float | None) -> 
 
 
 async def _readable(listening: socket.socket, timeout_s: float | None) -> None:
-    """Return when there is a datagram, or somewhat later than the timeout, or sooner for no reason."""
+    """Wait for a datagram; it may return somewhat later than the timeout, or early without a datagram."""
     loop = asyncio.get_running_loop()
     ready: asyncio.Future[None] = loop.create_future()
     try:
         loop.add_reader(listening, _wake, ready)
     except NotImplementedError:
-        # the usual loop on Windows watches no sockets: a thread does, for a short time each, so that a wait that is
-        # cancelled keeps neither thread nor program
+        # the default loop on Windows cannot watch sockets: a thread does it for short intervals, so that a cancelled
+        # wait soon ends its thread
         slice_s = _THREAD_WAIT_S if timeout_s is None else min(timeout_s, _THREAD_WAIT_S)
         await loop.run_in_executor(None, select.select, [listening], [], [], slice_s)
         return
@@ -201,5 +201,5 @@ def _socket() -> socket.socket:
 
 
 def error_words(error: Exception) -> str:
-    """Return what the system says of an error, without its number."""
+    """Return the system's message of an error, without its number."""
     return str(getattr(error, "strerror", None) or error)

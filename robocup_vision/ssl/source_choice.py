@@ -1,17 +1,16 @@
-"""Which of several senders of one thing is followed: the first that speaks, until it has been silent.
+"""Chooses one of several senders of the same kind of packets: the first one, until it has been silent.
 
-Two game controllers on one network, one that was started anew, or a simulator's own referee beside one: a team that
-took the newest packet of any of them would start and stop with each. Two vision systems that each have a camera 0 show
-robots now here, now there.
+There may be two game controllers in one network, one that was restarted, or a simulator's own referee beside one; a
+team that took the newest packet of any would start and stop with each. Two vision systems would make robots jump.
 """
 
 from __future__ import annotations
 
 Source = tuple[str | None, tuple[str, int] | None]
 
-# a flood of made-up names must not fill the memory
+# limits the memory needed for a flood of invented names
 _MAX_SOURCES = 16
-# whoever has not spoken for so long does not run any more; they speak ten times a second or more often
+# time without a packet after which a sender counts as stopped; senders send at least ten packets per second
 _SILENT_S = 1.0
 
 
@@ -21,7 +20,7 @@ class SourceChoice:
     Parameters
     ----------
     kind : str
-        What they are, as the problem's words call them.
+        Name of the kind of packets, for the problem's text.
     """
 
     def __init__(self, kind: str) -> None:
@@ -31,7 +30,7 @@ class SourceChoice:
 
     @property
     def problem(self) -> str:
-        """Who else speaks, in words; empty if nobody does."""
+        """Text about other senders; empty if there are none."""
         others = sorted(_name(source) for source in self._heard_s if source != self._followed)
         if not others:
             return ""
@@ -42,16 +41,16 @@ class SourceChoice:
         )
 
     def hear(self, source: Source, now_s: float) -> bool:
-        """Note that one has spoken; return whether it is the one to follow.
+        """Register a packet of a sender; return whether it is the followed one.
 
-        While the one that was followed is silent and several others speak, nobody is.
+        If the followed sender stops and several others send, none is followed.
 
         Parameters
         ----------
         source : (str or None, (str, int) or None)
-            What the packet calls its sender, and the address it came from.
+            The sender's name in the packet, and its address.
         now_s : float
-            Time of its reception, by any clock that goes on.
+            Time of reception, by any steady clock.
         """
         self._forget_silent(now_s)
         if source in self._heard_s or len(self._heard_s) < _MAX_SOURCES:
@@ -61,12 +60,12 @@ class SourceChoice:
         return source == self._followed
 
     def is_silent(self, now_s: float) -> bool:
-        """Return whether nobody who is followed has spoken of late."""
+        """Return whether the followed sender has been silent, or none is followed."""
         self._forget_silent(now_s)
         return self._followed is None
 
     def _forget_silent(self, now_s: float) -> None:
-        # a clock that was set back makes an age negative: that is as good as silence
+        # an age is negative after the clock was set back, which counts as silence
         self._heard_s = {source: t for source, t in self._heard_s.items() if abs(now_s - t) <= _SILENT_S}
         if self._followed not in self._heard_s:
             self._followed = None

@@ -1,6 +1,6 @@
-"""Clients of what is sent to everybody: vision, trackers, the referee. Each receives, and keeps the newest of its kind.
+"""Clients for the league's multicast groups: vision, trackers, the referee. Each keeps the newest packet of its kind.
 
-Bad datagrams are counted and passed over: anybody can send anything to a group.
+Bad datagrams are counted and skipped, because any program can send to a group.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from robocup_vision.ssl.values.tracked import TrackerPacket
 
 
 class VisionClient(DatagramClient[VisionPacket]):
-    """Listens to a vision system, and merges what its cameras send.
+    """Listens to a vision system, and merges the frames of its cameras.
 
-    Each camera's frames are those of one sender, until that has been silent for a second: of two systems that both have
-    a camera 0, as two simulators on one machine, the second is left out.
+    Each camera's frames are taken from one sender, until that has been silent for a second. If two systems have a
+    camera 0, as two simulators on one machine, the second one's is ignored.
 
     Parameters
     ----------
     port : int
-        10006 of the league's vision; simulators use 10020 (`SIMULATED_VISION_PORT`).
+        10006 for the league's vision; simulators use 10020 (`SIMULATED_VISION_PORT`).
     """
 
     def __init__(self, port: int = VISION_PORT, interface: str = "loopback", group: str = VISION_GROUP) -> None:
@@ -45,17 +45,17 @@ class VisionClient(DatagramClient[VisionPacket]):
 
     @property
     def geometry(self) -> Geometry | None:
-        """The newest field with the newest calibration of each camera, in order of their ids; None before any came."""
+        """The newest field with the newest calibrations, in order of the cameras' ids; None before the first one."""
         return self._merge.geometry
 
     @property
     def overview(self) -> Overview | None:
-        """The newest frames of all cameras in one; None before any came."""
+        """The newest frames of all cameras, combined; None before the first one."""
         return self._merge.overview
 
     @property
     def problem(self) -> str:
-        """Who else sends frames of a camera that is followed, in words; empty if nobody does."""
+        """Text about another sender of a followed camera's frames; empty if there is none."""
         return next((choice.problem for choice in self._senders.values() if choice.problem), "")
 
     def _keep(self, packet: VisionPacket, sender: Address) -> bool:
@@ -79,12 +79,12 @@ class TrackerClient(DatagramClient[TrackerPacket]):
 
 
 class RefereeClient(DatagramClient[Referee]):
-    """Listens to the game controller: to one, until it has been silent for a second; packets of others are left out.
+    """Listens to one game controller until it has been silent for a second; packets of others are ignored.
 
     Attributes
     ----------
     new_command : bool
-        Whether the newest packet brought a command that the one before had not: its counter is another.
+        Whether the newest packet has a new command: its counter or its sender has changed.
     """
 
     def __init__(self, port: int = REFEREE_PORT, interface: str = "loopback", group: str = REFEREE_GROUP) -> None:
@@ -96,12 +96,12 @@ class RefereeClient(DatagramClient[Referee]):
 
     @property
     def is_silent(self) -> bool:
-        """Whether nobody whom it follows has spoken for a second."""
+        """Whether the followed game controller has been silent for a second."""
         return self._choice.is_silent(time.monotonic())
 
     @property
     def problem(self) -> str:
-        """Which other referees speak, in words; empty if none does."""
+        """Text about other referees that send packets; empty if there are none."""
         return self._choice.problem
 
     def _keep(self, packet: Referee, sender: Address) -> bool:

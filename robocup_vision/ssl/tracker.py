@@ -4,7 +4,7 @@ Robots are filtered by several models of motion (`motion_filter`); their angles 
 constant velocity and are disturbed by accelerations. A frame counts at the time of its exposure, so that delays cost
 nothing but a prediction. A detection far from where it should be is not used until the next ones agree with it.
 
-Clocks of vision systems step, begin anew and differ from camera to camera. Tracks are kept by a time of their own that
+Clocks of vision systems step, restart and differ from camera to camera. Tracks are kept by a time of their own that
 only goes on (`SteadyClock`); each camera's stamps are converted to it.
 """
 
@@ -36,12 +36,11 @@ from robocup_vision.ssl.values.tracked import (
 _MAX_NUMBER = 63
 # noise of a detection: what the cameras of the league's fields show
 _ROBOT_STD_RAD, _BALL_STD_M = 0.012, 0.0015
-# how hard robots speed up and brake their turning, and a ball that is dribbled or touched without being kicked,
-# as standard deviations
+# standard deviations of the robots' angular acceleration, and of the acceleration of a dribbled or touched ball
 _TURN_ACCELERATION_RPS2, _BALL_ACCELERATION_MPS2 = 20.0, 3.0
-# of a ball that rolls on carpet
+# deceleration of a ball that rolls on carpet
 _BALL_SLOWING_MPS2 = 0.35
-# how fast something new may turn, as a standard deviation
+# standard deviation of the turning rate of something new
 _START_TURN_RPS = 5.0
 # a detection farther from its prediction is not used at once: at 60 Hz no robot goes so far between two frames, and no
 # ball does unless it was kicked
@@ -50,12 +49,12 @@ _MAX_ROBOT_JUMP_M, _MAX_BALL_JUMP_M = 0.15, 0.06
 _MAX_LOST_S = 1.0
 # robots of two numbers nearer to each other than a robot's radius cannot be two
 _MIN_APART_M = ROBOT_RADIUS_M
-# of the league's largest field
+# reach of the league's largest field from its centre
 _REACH_M = (6.3, 4.8)
 
 
 class _Coordinate:
-    """One coordinate and its rate, with their covariance."""
+    """One coordinate and its rate, with their covariance: a Kalman filter."""
 
     __slots__ = ("p_rate", "p_value", "p_value_rate", "rate", "value")
 
@@ -71,7 +70,7 @@ class _Coordinate:
         self.p_rate += power * dt_s
 
     def update(self, innovation: float, std: float) -> None:
-        """Take in a measurement that is off by an innovation."""
+        """Update by a measurement's innovation, whose measurement noise is `std`."""
         total = self.p_value + std**2
         gain, rate_gain = self.p_value / total, self.p_value_rate / total
         self.value += gain * innovation
@@ -82,28 +81,28 @@ class _Coordinate:
 
 
 class _Track:
-    """What is known of a thing: when it was seen, and the last detection if that was not used: time, x and y."""
+    """The times of a track, and the last detection, as time, x and y, if it was far from its prediction."""
 
     def __init__(self, t_s: float) -> None:
         self.t_s = self.seen_s = t_s
         self._doubted: tuple[float, float, float] | None = None
 
     def trust(self) -> None:
-        """Forget the detection that was not used."""
+        """Forget the unconfirmed detection."""
         self._doubted = None
 
     def doubt(self, t_s: float, x: float, y: float, jump_m: float) -> tuple[float, float, float] | None:
-        """Note a detection that is not where it was predicted; return the one before it, if the two agree."""
+        """Keep a detection that is far from its prediction; return the one before it if the two agree."""
         before, self._doubted = self._doubted, (t_s, x, y)
         if before is None:
             return None
         before_s, bx, by = before
-        # another place, or one so old that nothing links the two
+        # two detections agree if they are near in place and within 0.1 s
         return None if math.hypot(x - bx, y - by) > 3 * jump_m or t_s - before_s > 0.1 else before
 
 
 class _BallTrack(_Track):
-    """The ball as it moves over the floor."""
+    """The ball's position and velocity on the floor."""
 
     def __init__(self, t_s: float, x: float, y: float) -> None:
         super().__init__(t_s)
@@ -112,7 +111,7 @@ class _BallTrack(_Track):
 
 
 class _RobotTrack(_Track):
-    """A robot: its row in the filter, and its direction."""
+    """A robot's angle, and its row in the filter of positions."""
 
     def __init__(self, row: int, t_s: float, angle: float) -> None:
         super().__init__(t_s)
@@ -124,13 +123,13 @@ RobotKey = tuple[Team, int]
 
 
 class OverheadTracker:
-    """Follows robots and one ball.
+    """Tracks robots and one ball.
 
     Parameters
     ----------
     reach_m : (float, float)
-        How far from the field's centre the ball is played with, along x and y: of two balls the one within, or nearer
-        to it, is the game's.
+        Greatest distance of the ball in play from the field's centre, along x and y. Of two balls, the one inside, or
+        nearer to it, is tracked.
     """
 
     def __init__(self, reach_m: tuple[float, float] = _REACH_M) -> None:
@@ -144,11 +143,11 @@ class OverheadTracker:
 
     @property
     def newest_s(self) -> float:
-        """Steady time of the newest frame: vision's clock for as long as that goes on; minus infinity before any."""
+        """Steady time of the newest frame, equal to vision's clock until that jumps; minus infinity before any."""
         return self._clock.newest_s
 
     def update(self, frame: DetectionFrame) -> None:
-        """Take in what one camera saw; frames of several cameras in whatever order they come."""
+        """Update by one camera's frame; frames of several cameras may come in any order."""
         t_s = self._clock.steady_s(frame.camera_id, frame.t_capture_s)
         if t_s is None:
             return
@@ -166,17 +165,17 @@ class OverheadTracker:
                     key = color, robot.robot_id
                     seen[key] = self._likelier(key, seen[key], robot, t_s) if key in seen else robot
         if seen:
-            self._say_overlaps(seen)
+            self._report_overlaps(seen)
             self._update_robots(seen, t_s)
         self._update_ball(frame.balls, t_s)
         self._frames += 1
 
     def at(self, t_s: float) -> TrackedFrame:
-        """Return the world at a time by vision's clock as it is now, predicted from what has been seen."""
+        """Return the world predicted to a time of vision's present clock."""
         return replace(self.at_steady(t_s - self._clock.offset_s), t_s=t_s)
 
     def at_steady(self, t_s: float) -> TrackedFrame:
-        """Return the world at a steady time, predicted from what has been seen."""
+        """Return the world predicted to a steady time."""
         known = [(key, track) for key, track in sorted(self._robots.items()) if t_s - track.seen_s <= _MAX_LOST_S]
         places, velocities = self._motion.at(np.array([track.row for _, track in known], dtype=np.int64), t_s)
         robots = tuple(
@@ -196,7 +195,7 @@ class OverheadTracker:
         return TrackedFrame(self._frames, t_s, balls, robots)
 
     def _likelier(self, key: RobotKey, one: DetectionRobot, other: DetectionRobot, t_s: float) -> DetectionRobot:
-        """Return which of two robots of one number in a frame is followed: the nearer to its track, else the surer."""
+        """Choose between two detections with one number in a frame: nearer to the track, else more confident."""
         color, number = key
         self.problems.add(
             f"{color.name.lower()} {number} is seen twice",
@@ -210,11 +209,11 @@ class OverheadTracker:
         away = np.hypot(*self._motion.innovations(np.array([track.row, track.row]), places, t_s).T)
         return one if away[0] <= away[1] else other
 
-    def _say_overlaps(self, seen: dict[RobotKey, DetectionRobot]) -> None:
-        """Say which robots are seen at one place: one of their patterns is misread."""
-        in_a_row = sorted(seen.items(), key=lambda entry: entry[1].x_m)
-        for place, ((color, number), robot) in enumerate(in_a_row):
-            for (other_color, other_number), other in in_a_row[place + 1 :]:
+    def _report_overlaps(self, seen: dict[RobotKey, DetectionRobot]) -> None:
+        """Report a problem for robots that are seen at one place: the pattern of one has been misread."""
+        by_x = sorted(seen.items(), key=lambda entry: entry[1].x_m)
+        for index, ((color, number), robot) in enumerate(by_x):
+            for (other_color, other_number), other in by_x[index + 1 :]:
                 if other.x_m - robot.x_m >= _MIN_APART_M:
                     break
                 if abs(other.y_m - robot.y_m) < _MIN_APART_M:
@@ -236,7 +235,7 @@ class OverheadTracker:
         rows = np.array([track.row for _, track, _ in followed], dtype=np.int64)
         places = np.array([(robot.x_m, robot.y_m) for _, _, robot in followed])
         self._motion.predict(rows, t_s)
-        # of another camera's frame, exposed a moment earlier, it is compared with where it was then
+        # `innovations` compares with the position at t_s, even if another camera's frame has moved the filter beyond it
         away = np.hypot(*self._motion.innovations(rows, places, t_s).T)
         near = away <= _MAX_ROBOT_JUMP_M
         if near.any():
@@ -269,12 +268,12 @@ class OverheadTracker:
         late_s = track.t_s - t_s
         x, y = x - late_s * vx, y - late_s * vy
         if self._outside_m(x, y) > 0:
-            # what was followed may be a spare ball
+            # the tracked ball is outside the field and may be a spare one: prefer balls inside
             nearest_m = min(self._outside_m(ball.x_m, ball.y_m) for ball in balls)
             balls = [ball for ball in balls if self._outside_m(ball.x_m, ball.y_m) <= nearest_m + _MAX_BALL_JUMP_M]
         ball = min(balls, key=lambda ball: math.hypot(ball.x_m - x, ball.y_m - y))
         dx, dy = ball.x_m - x, ball.y_m - y
-        # the longer it was hidden, the farther it may have got
+        # the prediction's uncertainty grows while the ball is hidden
         allowed_m = _MAX_BALL_JUMP_M + 3 * math.sqrt(max(track.x.p_value, track.y.p_value))
         if math.hypot(dx, dy) > allowed_m:
             before = track.doubt(t_s, ball.x_m, ball.y_m, _MAX_BALL_JUMP_M)
@@ -287,7 +286,7 @@ class OverheadTracker:
         track.y.update(dy, _BALL_STD_M)
 
     def _outside_m(self, x_m: float, y_m: float) -> float:
-        """Return how far a place is from where the ball is played with."""
+        """Return the distance of a place from the area of play, `reach_m`; 0 inside."""
         half_x, half_y = self._reach_m
         return math.hypot(max(abs(x_m) - half_x, 0.0), max(abs(y_m) - half_y, 0.0))
 
@@ -302,7 +301,7 @@ def _ball_at(track: _BallTrack, t_s: float) -> TrackedBall:
 
 
 def _turn(track: _RobotTrack, robot: DetectionRobot, t_s: float) -> None:
-    """Take in a robot's direction."""
+    """Update a robot's angle by a detection."""
     angle = track.angle
     angle.predict(max(t_s - track.t_s, 0.0), _TURN_ACCELERATION_RPS2)
     track.t_s = track.seen_s = max(t_s, track.t_s)
@@ -312,7 +311,7 @@ def _turn(track: _RobotTrack, robot: DetectionRobot, t_s: float) -> None:
 
 
 def _restarted(before: tuple[float, float, float], now: tuple[float, float, float]) -> _BallTrack:
-    """Return the track of a ball that was kicked or carried off: its velocity is that between two detections."""
+    """Start a track of a ball that was kicked or carried off, with the velocity between its two detections."""
     (t0_s, x0, y0), (t1_s, x1, y1) = before, now
     track = _BallTrack(t1_s, x1, y1)
     dt_s = t1_s - t0_s
@@ -323,12 +322,12 @@ def _restarted(before: tuple[float, float, float], now: tuple[float, float, floa
 
 
 def _rolled(track: _BallTrack, dt_s: float) -> tuple[float, float, float, float]:
-    """Return place and velocity of a ball after it rolled on for a while, back in time without slowing."""
+    """Return x, y, vx, vy of a ball after it has rolled for `dt_s`; for a negative `dt_s` without deceleration."""
     vx, vy = track.x.rate, track.y.rate
     speed = math.hypot(vx, vy)
     if dt_s <= 0 or speed <= 0:
         return track.x.value + dt_s * vx, track.y.value + dt_s * vy, vx, vy
     rolls_s = min(dt_s, speed / _BALL_SLOWING_MPS2)
-    way = rolls_s - _BALL_SLOWING_MPS2 * rolls_s**2 / (2 * speed)
-    kept = max(1 - _BALL_SLOWING_MPS2 * dt_s / speed, 0.0)
-    return track.x.value + way * vx, track.y.value + way * vy, kept * vx, kept * vy
+    way_s = rolls_s - _BALL_SLOWING_MPS2 * rolls_s**2 / (2 * speed)  # distance divided by the initial speed
+    speed_ratio = max(1 - _BALL_SLOWING_MPS2 * dt_s / speed, 0.0)
+    return track.x.value + way_s * vx, track.y.value + way_s * vy, speed_ratio * vx, speed_ratio * vy

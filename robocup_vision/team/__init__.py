@@ -1,1 +1,1 @@
-"""What robots of one team tell each other, and what each makes of it: messages, the ball as all know it, roles."""
+"""Cooperation of a team's robots: messages, the fused ball, and roles."""

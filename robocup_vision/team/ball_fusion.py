@@ -1,13 +1,13 @@
-"""The ball as a team knows it: a robot's own sighting and those received from others, moved to now and fused.
+"""Fuses a robot's own sighting of the ball with those of its team.
 
-Each sighting is moved on by its own velocity, and its covariance grows with its age: the ball may have been kicked
-meanwhile. What it did is the same for all sightings, so their errors depend on each other in an unknown way: they are
-fused by covariance intersection, which never claims more than the best of them can know together.
+Each sighting is extrapolated to the present with its own velocity, and its covariance grows with its age, because the
+ball may have been kicked since. The ball's motion since then is common to all sightings, so their errors are correlated
+in an unknown way. They are fused by covariance intersection, which is consistent for any correlation.
 
-A lost robot tells of a ball that is not there, in the wrong half most often. It is left out by three rules. Sightings
-that are too far apart (Mahalanobis distance) are not fused, and the largest group of those that agree is believed.
-Where the robot sees the ball itself, its own sighting decides. A robot whose sightings did not agree with the own ones
-before is not believed alone.
+A robot that is lost reports the ball at a wrong place, most often in the wrong half. Three rules exclude it. Sightings
+that are too far apart (Mahalanobis distance) are not fused; the group of consistent sightings with the largest weight
+is used. If the robot itself has just seen the ball, its own sighting decides. A robot whose sightings contradicted the
+own ones before is not believed alone.
 
 Source: Julier and Uhlmann, A non-divergent estimation algorithm in the presence of unknown correlations, ACC 1997.
 """
@@ -24,21 +24,21 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.normal import GATE_2D
 from robocup_vision.team.message import BallSighting, TeamMessage
 
-# weights tried for covariance intersection: its trace is flat about the best one
+# weights tried for covariance intersection: near the best one the trace hardly changes
 _WEIGHTS = np.linspace(0.0, 1.0, 21)
 OWN = -1
-FORGET_S = 4.0  # a sighting older than this says nothing: a kicked ball crosses a field in this time
-# the own sighting decides while it is younger: an older one may be of a ball that was kicked since
+FORGET_S = 4.0  # an older sighting is useless: in this time a kicked ball crosses a field
+# the own sighting decides while it is younger than this; afterwards the ball may have been kicked
 _OWN_S = 0.3
-# while it decides and is better than this, messages add nothing: driving needs the ball relative to the robot
+# while the own sighting decides and is better than this, messages add nothing: driving needs a precise relative place
 _ENOUGH_STD_M = 0.1
 # smallest standard deviation of a sighting along each axis: errors that all frames of a robot have in common
 _MIN_STD_M = 0.03
-# the standard deviation grows by this in a second of age: mostly the ball lies or rolls on, sometimes it is kicked
+# growth of the standard deviation with age: mostly the ball lies or rolls on, sometimes it is kicked
 _KICK_SPEED_MPS = 0.3
 _ROLL_S = 1.0  # a ball loses its velocity with this time constant: friction, and robots in its way
-# what one message adds to or takes from the trust in its sender. A robot in the wrong half is found by one
-# message; two others are needed until it is believed alone again.
+# one message adds the first to the trust in its sender, or subtracts the second. One message reveals a robot in the
+# wrong half; two others are needed until it is believed alone again.
 _AGREE_NATS = 0.5
 _DISAGREE_NATS = 1.0
 _MAX_TRUST_NATS = 2.0  # trust stays within this: a robot may get lost at any time
@@ -46,19 +46,19 @@ _MAX_TRUST_NATS = 2.0  # trust stays within this: a robot may get lost at any ti
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FusedBall:
-    """The ball now, field frame."""
+    """The present state of the ball, field frame."""
 
-    #: its place and velocity
+    #: place and velocity
     x_m: float
     y_m: float
     vx_mps: float
     vy_mps: float
-    covariance: FloatArray  #: (2, 2) float64: of the place, square metres
+    covariance: FloatArray  #: (2, 2) float64: covariance of the place, square metres
     sources: tuple[int, ...]  #: numbers of the robots that saw it, the newest sighting first; -1: this robot
 
 
 class TeamBall:
-    """Keeps what the others of a team told of the ball, and fuses it with what the robot sees itself."""
+    """Keeps the team's sightings of the ball, and fuses them with the robot's own."""
 
     def __init__(self) -> None:
         self._received: dict[int, BallSighting] = {}
@@ -66,14 +66,14 @@ class TeamBall:
         self._since_s = -math.inf
 
     def update(self, message: TeamMessage, own: BallSighting | None) -> None:
-        """Take in a message; an older one than the last of its sender changes nothing.
+        """Add a message; one that is not newer than the last one of its sender is ignored.
 
         Parameters
         ----------
         message : TeamMessage
-            Of another robot.
+            Message of another robot.
         own : BallSighting or None
-            The ball as this robot last saw it.
+            This robot's last sighting of the ball.
         """
         received, known = message.ball, self._received.get(message.sender)
         if received is None or received.t_s < self._since_s or (known is not None and received.t_s <= known.t_s):
@@ -87,26 +87,26 @@ class TeamBall:
         self._trust[message.sender] = max(-_MAX_TRUST_NATS, min(_MAX_TRUST_NATS, trust))
 
     def is_own_enough(self, own: BallSighting, t_s: float) -> bool:
-        """Whether the own sighting is so young and so good that messages add nothing."""
+        """Whether the own sighting is so recent and accurate that messages add nothing."""
         largest = float(np.linalg.eigvalsh(own.covariance)[-1])
         return t_s - own.t_s <= _OWN_S and largest <= _ENOUGH_STD_M**2
 
     def forget(self, t_s: float) -> None:
-        """Forget what was seen before a time: somebody put the ball elsewhere, for a kick-off."""
+        """Forget sightings from before a time, because the ball was put elsewhere, as for a kick-off."""
         self._since_s = t_s
         self._received = {sender: ball for sender, ball in self._received.items() if ball.t_s >= t_s}
 
     def reject(self, sources: Sequence[int]) -> None:
-        """Forget the sightings of some robots: the ball is not there."""
+        """Forget the sightings of some robots, because the ball is not there."""
         for source in sources:
             self._received.pop(source, None)
 
     def trust(self, sender: int) -> float:
-        """Return the trust in a robot: how often its sightings agreed with the own ones, nats."""
+        """Return the trust in a robot, in nats: positive if its sightings mostly agreed with the own ones."""
         return self._trust.get(sender, 0.0)
 
     def moved(self, sighting: BallSighting, t_s: float) -> BallSighting:
-        """Return a sighting moved on to a time."""
+        """Return a sighting extrapolated to a time."""
         age_s = max(t_s - sighting.t_s, 0.0)
         rolled_s = _ROLL_S * -math.expm1(-age_s / _ROLL_S)
         slower = math.exp(-age_s / _ROLL_S)
@@ -123,12 +123,12 @@ class TeamBall:
         )
 
     def fuse(self, own: BallSighting | None, t_s: float) -> FusedBall | None:
-        """Return where the ball is now; None if nobody has seen it lately, or nobody who is believed.
+        """Return the present state of the ball; None if no robot that is believed has seen it lately.
 
         Parameters
         ----------
         own : BallSighting or None
-            The ball as this robot last saw it itself.
+            This robot's last sighting of the ball.
         """
         seen: Mapping[int, BallSighting] = self._received if own is None else {OWN: own, **self._received}
         seen = {k: one for k, one in seen.items() if t_s - one.t_s <= FORGET_S}
@@ -143,7 +143,7 @@ class TeamBall:
     def _believed(
         self, seen: Mapping[int, BallSighting], moved: Mapping[int, BallSighting], t_s: float
     ) -> Sequence[int]:
-        """Return who of those that saw the ball are believed, the newest sighting first."""
+        """Return the robots whose sightings are believed, the newest sighting first."""
         is_own_fresh = OWN in seen and t_s - seen[OWN].t_s <= _OWN_S
         best: tuple[float, list[int]] = (0.0, [])
         for centre in seen:
@@ -152,7 +152,7 @@ class TeamBall:
             group = [k for k in seen if _agree(moved[centre], moved[k])]
             if len(group) == 1 and self.trust(centre) < 0.0:
                 continue
-            # a newer sighting weighs more, a robot that was often right, too
+            # newer sightings and trusted robots weigh more
             weight = sum(self._weight(k, t_s - seen[k].t_s) for k in group)
             if weight > best[0]:
                 best = weight, group
@@ -168,7 +168,7 @@ def _agree(one: BallSighting, other: BallSighting) -> bool:
 
 
 def _intersect(sightings: Sequence[BallSighting]) -> tuple[FloatArray, FloatArray]:
-    """Return place and covariance of the covariance intersection of sightings, one after the other."""
+    """Return place and covariance of the covariance intersection of sightings, fused one after the other."""
     place = np.array([sightings[0].x_m, sightings[0].y_m])
     information = np.linalg.inv(sightings[0].covariance)
     for one in sightings[1:]:

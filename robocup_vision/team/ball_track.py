@@ -1,7 +1,7 @@
-"""One robot's own sightings of the ball over time: a Kalman filter of place and velocity, field frame.
+"""Filters one robot's own sightings of the ball: a Kalman filter of place and velocity, field frame.
 
-A camera that nods sees a far ball now too near, now too far; the filter averages that out. A sighting that does not fit
-is left out; a second one in a row begins the track anew: the ball was kicked, or the first one was wrong.
+With a nodding camera a far ball is seen alternately too near and too far; the filter averages these errors. A sighting
+outside of the gate is ignored; a second one in a row restarts the track, as after a kick or a wrong sighting.
 """
 
 from __future__ import annotations
@@ -14,24 +14,24 @@ from robocup_vision.arrays import FloatArray
 from robocup_vision.normal import GATE_2D
 from robocup_vision.team.message import BallSighting
 
-# errors of so many frames in a row are the same: a step of a walking robot is longer than a frame. The filter
-# weighs each frame the less.
+# number of consecutive frames with the same error: a step of a walking robot takes several frames. The variance of a
+# sighting is multiplied by it.
 _CORRELATED_FRAMES = 4.0
 _START_SPEED_MPS = 0.5  # standard deviation of the velocity of a new track: balls lie, roll, or were kicked
 # square root of the spectral density of the acceleration: other robots touch the ball
 _ACCELERATION_MPS15 = 0.5
 _ROLL_S = 1.5  # a ball loses its velocity with this time constant
-_MAX_GAP_S = 1.0  # after so long without a sighting the next one begins the track anew
+_MAX_GAP_S = 1.0  # after this time without a sighting the next one restarts the track
 
 
 class BallTrack:
-    """Follows the ball that one robot sees."""
+    """Tracks the ball by the sightings of one robot."""
 
     def __init__(self) -> None:
         self.forget()
 
     def forget(self) -> None:
-        """Forget the ball: it is not there."""
+        """Forget the ball, because it is not there."""
         self._t_s = -math.inf
         self._state: FloatArray = np.zeros(4)
         self._covariance: FloatArray = np.eye(4)
@@ -39,7 +39,7 @@ class BallTrack:
 
     @property
     def sighting(self) -> BallSighting | None:
-        """The ball as of the last sighting; None if there was none."""
+        """The filtered state at the last sighting; None if there was none."""
         if self._t_s == -math.inf:
             return None
         x_m, y_m, vx_mps, vy_mps = self._state.tolist()
@@ -47,16 +47,16 @@ class BallTrack:
         return BallSighting(self._t_s, x_m, y_m, vx_mps, vy_mps, self._covariance[:2, :2], velocity_std_mps)
 
     def update(self, place: tuple[float, float], covariance: FloatArray, t_s: float) -> None:
-        """Update with a sighting; one that is older than the last changes nothing.
+        """Update with a sighting; one that is not newer than the last is ignored.
 
         Parameters
         ----------
         place : (float, float)
-            The ball, field frame, metres.
+            Place of the ball, field frame, metres.
         covariance : (2, 2) float64
-            Of the place, square metres.
+            Covariance of the place, square metres.
         """
-        # composed covariances are symmetric but for rounding, messages ask for all of it
+        # composed covariances are symmetric except for rounding, but messages need exact symmetry
         covariance = 0.5 * (covariance + covariance.T)
         dt_s = t_s - self._t_s
         if dt_s <= 0.0:
@@ -78,9 +78,9 @@ class BallTrack:
         self._state = state + gain @ innovation
         rest = np.eye(4)
         rest[:, :2] -= gain
-        # the form of Joseph stays positive in spite of rounding
+        # Joseph's form stays positive definite in spite of rounding
         covariance = rest @ predicted @ rest.T + gain @ noise @ gain.T
-        # rounding leaves it not quite symmetric, the more the farther off the ball is
+        # rounding makes it slightly asymmetric, the more the farther away the ball is
         self._covariance = 0.5 * (covariance + covariance.T)
         self._t_s, self._is_doubted = t_s, False
 

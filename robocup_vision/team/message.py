@@ -1,7 +1,7 @@
-"""The message that robots of one team send to each other, as packed bytes that fit any league's radio.
+"""The message that robots of one team send to each other, packed into few enough bytes for any league's radio.
 
-A message holds what its sender alone has measured, nothing that it was told: then nobody counts anything twice. All
-clocks of a team show the same time, as a time server on the field's network keeps them.
+A message holds only what its sender has measured itself, not what others have told it, so that nothing is counted
+twice. The clocks of a team must be synchronised, as by a time server in the field's network.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ _BODY = struct.Struct("<2sBBBBdf9fd8f")
 _CHECK = struct.Struct("<I")
 MESSAGE_BYTES = _BODY.size + _CHECK.size
 _UPPER_3, _UPPER_2 = np.triu_indices(3), np.triu_indices(2)
-# an eigenvalue of a covariance may be negative by so much of the largest one: its numbers were rounded to 32 bits
+# least ratio of a covariance's smallest eigenvalue to its largest: rounding to 32 bits may make it slightly negative
 _MIN_EIGENVALUE_RATIO = -1e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BallSighting:
-    """The ball as one robot saw it, field frame.
+    """One robot's sighting of the ball, field frame.
 
     Raises
     ------
@@ -45,13 +45,14 @@ class BallSighting:
         If a number is not finite, or a covariance is not symmetric and positive semi-definite.
     """
 
-    t_s: float  #: when, seconds
-    #: its place and velocity then
+    t_s: float  #: time of the sighting
+    #: place and velocity at that time
     x_m: float
     y_m: float
     vx_mps: float
     vy_mps: float
-    covariance: FloatArray  #: (2, 2) float64: of the place, with what the robot's own pose adds, square metres
+    #: (2, 2) float64: covariance of the place, square metres, including the uncertainty of the robot's own pose
+    covariance: FloatArray
     velocity_std_mps: float = 0.0  #: standard deviation of each component of the velocity
 
     def __post_init__(self) -> None:
@@ -63,7 +64,7 @@ class BallSighting:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TeamMessage:
-    """What one robot tells the others of its team.
+    """What one robot reports to its team.
 
     Raises
     ------
@@ -71,14 +72,14 @@ class TeamMessage:
         If a value is out of its range.
     """
 
-    sender: int  #: its number in the team, 0 to 255
-    t_s: float  #: when it wrote this, seconds
-    role: Role  #: what it does now
-    #: how long it would take to the ball; infinite if it does not know where the ball is
+    sender: int  #: the robot's number in the team, 0 to 255
+    t_s: float  #: time at which the message was written
+    role: Role  #: the robot's present role
+    #: time that it would need to reach the ball; infinite if it does not know where the ball is
     time_to_ball_s: float = math.inf
-    pose: Pose2 | None = None  #: where it is in the field frame; None if it does not know
-    pose_covariance: FloatArray | None = None  #: (3, 3) float64: of the pose
-    ball: BallSighting | None = None  #: the ball as it last saw it itself
+    pose: Pose2 | None = None  #: its pose in the field frame; None if it does not know it
+    pose_covariance: FloatArray | None = None  #: (3, 3) float64: covariance of x, y (m) and theta (rad)
+    ball: BallSighting | None = None  #: its own last sighting of the ball
 
     def __post_init__(self) -> None:
         if not 0 <= self.sender <= 255:
@@ -97,7 +98,7 @@ class TeamMessage:
             object.__setattr__(self, "pose_covariance", _checked_covariance(self.pose_covariance, 3, "of a pose"))
 
     def pack(self) -> bytes:
-        """Return the message as bytes, always `MESSAGE_BYTES` of them; lengths and angles with 32 bits.
+        """Return the message as `MESSAGE_BYTES` bytes; lengths and angles are rounded to 32 bits.
 
         Raises
         ------
@@ -126,7 +127,7 @@ def unpack_message(data: bytes) -> TeamMessage:
     Raises
     ------
     PacketError
-        If they are no message of this version, or damaged.
+        If they are not a message of this version, or damaged.
     """
     if not isinstance(data, bytes):
         raise PacketError(f"a team message is bytes, got {type(data).__name__}")

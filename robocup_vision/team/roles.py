@@ -1,8 +1,8 @@
-"""Who of a team goes to the ball and who supports: each robot decides for itself, by rules that all have in common.
+"""Chooses which robot of a team goes to the ball and which ones support; each decides for itself, by common rules.
 
-The robot that would be at the ball first fetches it. The one that fetches it already keeps that role until another
-would be there sooner by a margin. Robots that have not been heard of lately are not counted on, so without any message
-each decides alone. The keeper is fixed, as the leagues' rules want it.
+The robot that would be first at the ball fetches it. The one that already fetches keeps that role until another robot
+would be there earlier by a margin. Robots whose messages are missing are not considered, so that without messages each
+robot decides alone. The keeper is fixed, as the leagues' rules demand.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from dataclasses import dataclass
 from robocup_vision.geometry import Pose2, wrap_angle
 from robocup_vision.team.message import Role, TeamMessage
 
-STALE_S = 1.6  # a robot that was not heard of for so long is not counted on: three messages
-# another robot must be at the ball sooner by this to take it over: more than what one message changes
+STALE_S = 1.6  # a robot without a message for this time (three messages) is not considered
+# time by which another robot must be earlier at the ball to take over: more than a single message changes
 _MARGIN_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class ChosenRole:
-    """The role of one robot now."""
+    """The present role of one robot."""
 
-    role: Role  #: what it does
-    #: which of so many supporters (or searchers) it is, counted from the right side of the field (least y)
+    role: Role
+    #: index among the supporters (or searchers), counted from the right side of the field (least y), and their number
     place: int = 0
     places: int = 1
-    is_agreed: bool = False  #: whether another robot was heard of that plays in the field; else it decides alone
+    is_agreed: bool = False  #: whether there are messages of other field players; else the robot decides alone
 
 
 class RoleChooser:
@@ -36,9 +36,9 @@ class RoleChooser:
     Parameters
     ----------
     is_keeper : bool
-        It keeps the goal.
+        Whether the robot keeps the goal.
     speed_mps : float
-        Nobody of the team is faster.
+        Largest speed of the team's robots.
     """
 
     def __init__(self, number: int, is_keeper: bool, speed_mps: float) -> None:
@@ -47,7 +47,7 @@ class RoleChooser:
         self.role: Role = "keep" if is_keeper else "search"
 
     def update(self, message: TeamMessage) -> None:
-        """Take in a message; an older one than the last of its sender changes nothing."""
+        """Add a message; one that is not newer than the last one of its sender is ignored."""
         known = self._messages.get(message.sender)
         if message.sender != self._number and (known is None or message.t_s > known.t_s):
             self._messages[message.sender] = message
@@ -55,18 +55,18 @@ class RoleChooser:
     def choose(
         self, t_s: float, place: tuple[float, float] | None, ball: tuple[float, float] | None, time_to_ball_s: float
     ) -> ChosenRole:
-        """Return the role for now.
+        """Return the present role.
 
         Parameters
         ----------
         t_s : float
-            Now, seconds.
+            Present time.
         place : (float, float) or None
-            Where the robot is, field frame.
+            Place of the robot, field frame; None: unknown.
         ball : (float, float) or None
-            Where the ball is, as far as it knows.
+            Place of the ball, field frame; None: unknown.
         time_to_ball_s : float
-            How long it would take to it.
+            Time that the robot needs to reach the ball.
         """
         if self._is_keeper:
             return ChosenRole("keep")
@@ -84,7 +84,7 @@ class RoleChooser:
         return self._among(others, place)
 
     def _claim_s(self, other: TeamMessage, ball: tuple[float, float]) -> float:
-        """Return the time of another robot to the ball: what it told, but no less than from its place to this ball."""
+        """Return another robot's time to the ball: as in its message, but at least that from its place to this ball."""
         if other.pose is None:
             return math.inf
         away_m = math.dist((other.pose.x_m, other.pose.y_m), ball)
@@ -93,7 +93,7 @@ class RoleChooser:
 
     def _among(self, others: Iterable[TeamMessage], place: tuple[float, float] | None) -> ChosenRole:
         others = list(others)
-        # the one who fetches needs no place
+        # the robot that fetches does not need a place
         beside = [one for one in others if one.role != "fetch"] if self.role != "search" else others
         own_y = 0.0 if place is None else place[1]
         before = sum((one.pose.y_m, one.sender) < (own_y, self._number) for one in beside if one.pose is not None)
@@ -101,8 +101,8 @@ class RoleChooser:
 
 
 def time_to_ball_s(pose: Pose2, ball: tuple[float, float], speed_mps: float, turn_rps: float) -> float:
-    """Return how long a robot takes to a ball: to drive there, and to turn there meanwhile or afterwards."""
+    """Return the time that a robot needs to a ball: for driving there, and turning meanwhile or afterwards."""
     drive_s = math.dist((pose.x_m, pose.y_m), ball) / speed_mps
     off = wrap_angle(math.atan2(ball[1] - pose.y_m, ball[0] - pose.x_m) - pose.theta_rad)
-    # it turns while it speeds up: about half of the turn takes time of its own
+    # it turns while it accelerates: about half of the turn takes additional time
     return drive_s + 0.5 * abs(off) / turn_rps

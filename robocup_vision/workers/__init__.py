@@ -1,4 +1,4 @@
-"""Many pieces of one run, the same way in this process, in processes of this machine, and on a dask cluster."""
+"""Processes the pieces of a run, in the same way in this process, several processes or on a dask cluster."""
 
 from robocup_vision.workers.pieces import Pool, Workers, in_order, run_pieces
 from robocup_vision.workers.places import dask_workers, find_workers, local_workers, this_process

@@ -1,7 +1,7 @@
 """Workers of a dask.distributed cluster, which may come and go during a run. Needs the extra `distributed`.
 
-What all pieces need goes to each worker once, as a plugin: those that come later get it, too. A batch whose worker
-died is handed out again by the scheduler, and by `run_pieces` where the scheduler gives it up.
+What all pieces need is sent to each worker once, as a plugin, also to workers that join later. A batch whose worker
+died is handed out again by the scheduler, or by `run_pieces` if the scheduler gives up on it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from robocup_vision.workers.pieces import Pool, R, Start, Workers
 from robocup_vision.workers.processes import Doer, only_one_opencv_thread
 
 _CONNECT_S = 10.0
-# a cluster that restarts its workers, or is about to get some, has them by then
+# within this time a cluster that restarts or starts its workers has some
 _NO_WORKERS_S = 60.0
 _COUNT_SLOTS_S = 2.0
 
@@ -36,7 +36,7 @@ def cluster_workers(address: str) -> Workers:
     Raises
     ------
     ArgumentError
-        If none does. Before any work is prepared, so that a mistyped address costs nothing.
+        If there is no scheduler. This is raised before any work is prepared, so a mistyped address costs no time.
     """
     _require_scheduler(address)
     return Workers(
@@ -47,7 +47,7 @@ def cluster_workers(address: str) -> Workers:
 @contextmanager
 def _open(address: str, start: Start[Any, Any]) -> Iterator[Pool]:
     with _connected(address) as client:
-        crew = _Crew(client, address)
+        watch = _WorkerWatch(client, address)
         name = f"robocup-vision-{uuid.uuid4().hex[:12]}"
         try:
             client.register_plugin(_Plugin(start, _version()), name=name)
@@ -60,9 +60,9 @@ def _open(address: str, start: Start[Any, Any]) -> Iterator[Pool]:
             ) from None
         executor = _ClusterExecutor(client)
         try:
-            yield Pool(executor, partial(_do, name), crew.slots, crew.look_after)
+            yield Pool(executor, partial(_do, name), watch.slots, watch.look_after)
         finally:
-            # what is still handed out is of no use to anybody, and needs the plugin
+            # results of calls that are still running are no longer needed, and those calls need the plugin
             executor.cancel()
             with suppress(Exception):
                 client.unregister_worker_plugin(name)
@@ -70,16 +70,16 @@ def _open(address: str, start: Start[Any, Any]) -> Iterator[Pool]:
 
 @contextmanager
 def _connected(address: str) -> Iterator[Any]:
-    # a client that fails to connect goes on trying in a thread of its own, so that a bare connection asks first
+    # a client that fails to connect keeps trying in a thread of its own, so a plain connection is tested first
     _require_scheduler(address)
-    with _telling(address):
+    with _connection_errors(address):
         client: Any = Client(address, timeout=_CONNECT_S, set_as_default=False)  # type: ignore[no-untyped-call]
     with client:
         yield client
 
 
 def _require_scheduler(address: str) -> None:
-    with _telling(address):
+    with _connection_errors(address):
         # in a thread, because the caller may be in an event loop
         with ThreadPoolExecutor(1) as thread:
             kind = thread.submit(asyncio.run, _kind(address)).result()
@@ -88,11 +88,11 @@ def _require_scheduler(address: str) -> None:
 
 
 @contextmanager
-def _telling(address: str) -> Iterator[None]:
+def _connection_errors(address: str) -> Iterator[None]:
     try:
         yield
-    except Exception as error:  # of many kinds, by what is wrong with the address
-        # an OSError of dask says "Timed out ...", a bare TimeoutError says nothing
+    except Exception as error:  # its type depends on what is wrong with the address
+        # an OSError raised by dask says "Timed out ...", a plain TimeoutError has no text
         kind = type(error).__name__.replace("TimeoutError", "Timed out")
         reason = " ".join(str(error).split()) or kind
         raise ArgumentError(f"no dask scheduler answers at '{address}' ({reason})") from None
@@ -106,10 +106,10 @@ async def _kind(address: str) -> str:
 
 
 class _ClusterExecutor(Executor):
-    """Hands out calls as dask's own `ClientExecutor` does, but survives a worker that dies after its call ended.
+    """Submits calls as dask's own `ClientExecutor` does, but survives a worker that dies after its call ended.
 
-    That one reads the result of a call, then whether the call ended. A worker lost in between makes the call pending
-    again, which it takes for an error.
+    dask's executor first waits for the end of a call, then reads its result. If the worker is lost in between, the
+    call is pending again, which dask's executor treats as an error.
     """
 
     def __init__(self, client: Any) -> None:
@@ -130,14 +130,14 @@ class _ClusterExecutor(Executor):
 
 def _pass_on(handed: Future[Any], call: Any) -> None:
     try:
-        # waits again for a call whose result was lost
+        # if the result was lost, this waits until the call has run again
         handed.set_result(call.result())
     except BaseException as error:
         handed.set_exception(error)
 
 
-class _Crew:
-    """How many the workers are, and since when there are none."""
+class _WorkerWatch:
+    """Counts the slots of the workers, and fails if there have been none for too long."""
 
     def __init__(self, client: Any, address: str) -> None:
         self._client, self._address = client, address
@@ -162,7 +162,7 @@ class _Crew:
 
 
 class _Plugin(WorkerPlugin):
-    """Holds on each worker what all pieces need."""
+    """Holds what all pieces need on each worker."""
 
     do: Doer
 

@@ -1,7 +1,7 @@
-"""Hands the pieces of a run to workers, a bounded number at a time, and does again what is lost with a worker.
+"""Hands the pieces of a run to workers, a bounded number at a time, and repeats what is lost with a worker.
 
-Neither the pieces nor the results are ever all in memory: pieces are taken from an iterator as workers get free, and
-results go to the caller as they come. The result of a piece must not depend on which worker finds it.
+Pieces and results need not all fit into memory: pieces are taken from an iterator when workers become free, and results
+are yielded as they arrive. The result of a piece must not depend on the worker.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ R = TypeVar("R")
 
 Start = Callable[[], Callable[[P], R]]
 
-# times in a row that all workers may be lost before one of them finishes anything
+# number of times in a row that all workers may be lost before any piece is finished
 _BARREN_ROUNDS = 3
-# batches handed out for each worker: one in work, one ready, and two against batches that take unequally long
+# batches handed out per worker: one in work, one ready, and two because batches take unequally long
 _AHEAD = 4
-# seconds after which the workers are looked after while none of them finishes anything
+# period at which the workers are checked while none of them finishes anything
 _LOOK_AFTER_S = 5.0
 
 
@@ -33,20 +33,20 @@ class Pool:
     """Workers that are ready."""
 
     executor: Executor  #: hands out calls
-    do: Callable[[list[Any]], list[Any]]  #: what it calls: ``do(batch)`` returns a list with the result of each piece
-    #: returns how many batches are worked on at a time, now; 0 where a batch is done as it is handed out
+    do: Callable[[list[Any]], list[Any]]  #: function to call: ``do(batch)`` returns a list with each piece's result
+    #: returns the present number of batches that are processed at a time; 0 if `submit` processes a batch at once
     slots: Callable[[], int]
-    #: called now and then while nothing is finished; raises `RobocupVisionError` where nothing will be
+    #: called periodically while nothing is finished; raises `RobocupVisionError` if nothing will be
     look_after: Callable[[], None] = lambda: None
 
 
 @dataclass(frozen=True)
 class Workers:
-    """Where pieces are worked on."""
+    """How to open a pool of workers."""
 
-    #: ``open_pool(start)`` returns a context manager of a `Pool`; called anew when workers were lost
+    #: ``open_pool(start)`` returns a context manager of a `Pool`; called again when workers were lost
     open_pool: Callable[[Start[Any, Any]], AbstractContextManager[Pool]]
-    #: what a batch fails with when its worker was lost
+    #: exceptions with which a batch fails when its worker was lost
     losses: tuple[type[BaseException], ...] = (BrokenExecutor, CancelledError)
     is_here: bool = False  #: whether this process does all the work
     share_files: bool = True  #: whether the workers read the files that this process reads
@@ -60,30 +60,30 @@ def run_pieces(
     batch: int = 1,
     describe: Callable[[P], str] = str,
 ) -> Generator[tuple[int, R], None, None]:
-    """Work on pieces, yielding the number of each and its result, in the order they end.
+    """Process pieces, and yield the number and the result of each in the order in which they are finished.
 
     Close the generator, as `contextlib.closing` does, to end the work early.
 
     Parameters
     ----------
     start : callable
-        Called once a worker, without arguments: returns the function that turns a piece into its result. For other
-        processes it, the pieces and the results are pickled.
+        Called once per worker, without arguments; returns the function that turns a piece into its result. For other
+        processes it is pickled, as are the pieces and the results.
     pieces : iterable
-        Taken only a bounded number ahead of the oldest piece that is not finished.
+        Read only a bounded number ahead of the oldest unfinished piece.
     batch : int
-        Pieces handed out together: several where each takes only some milliseconds.
+        Number of pieces handed out together; several if each takes only some milliseconds.
     describe : callable
-        Names a piece, for the message about one that ends its workers.
+        Returns a name for a piece, for the error message about one that ends its workers.
 
     Raises
     ------
     ArgumentError
-        If `batch` is not positive, or `workers` are none.
+        If `batch` is not positive, or `workers` is not a `Workers`.
     RobocupVisionError
-        If workers are lost again and again before they finish anything, or there are none.
+        If all workers are lost repeatedly before they finish anything, or there are none.
     Exception
-        What a piece raises.
+        Exceptions of a piece.
     """
     if not isinstance(workers, Workers):
         raise ArgumentError(f"workers must be what find_workers(jobs) returns, got {type(workers).__name__}")
@@ -91,7 +91,7 @@ def run_pieces(
         raise ArgumentError(f"batch must be at least 1, got {batch}")
     taken = iter(pieces)
     batches = enumerate(iter(lambda: list(islice(taken, batch)), []))
-    # by number: those that are not finished, the oldest first
+    # unfinished batches by number, the oldest first
     missing: dict[int, list[P]] = {}
     has_more, ahead, barren = True, 0, 0
     while has_more or missing:
@@ -142,7 +142,7 @@ def run_pieces(
 
 
 def in_order(results: Generator[tuple[int, R], None, None]) -> Generator[R, None, None]:
-    """Yield what `run_pieces` does in the order of the pieces; only results that wait for an older one are kept."""
+    """Yield the results of `run_pieces` in the order of the pieces; only those that wait for an older one are kept."""
     ahead: dict[int, R] = {}
     due = 0
     with closing(results):

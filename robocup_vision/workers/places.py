@@ -1,4 +1,4 @@
-"""The places where pieces are worked on: this process, other processes of this machine, a dask cluster."""
+"""Places where pieces are processed: this process, other processes of this machine, a dask cluster."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from robocup_vision.workers.processes import Doer, only_one_opencv_thread, worke
 
 T = TypeVar("T")
 
-# processes; each loads the library, which takes some hundred megabytes
+# largest number of processes; each needs some hundred megabytes for the library
 _MAX_JOBS = 1024
 
 
 def find_workers(jobs: int, dask: str | None = None) -> Workers:
-    """Return the workers that the options ``--jobs`` and ``--dask`` name; one job is done in this process.
+    """Return the workers chosen by the options ``--jobs`` and ``--dask``; a single job runs in this process.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def this_process() -> Workers:
 
 
 def local_workers(jobs: int) -> Workers:
-    """Return so many processes of this machine.
+    """Return `jobs` processes of this machine as workers.
 
     Raises
     ------
@@ -66,8 +66,7 @@ def dask_workers(address: str) -> Workers:
     Parameters
     ----------
     address : str
-        Of its scheduler, such as ``tcp://10.0.0.1:8786``. This package must be installed on its workers, in the same
-        version.
+        Address of its scheduler, such as ``tcp://10.0.0.1:8786``. Its workers need the same version of this package.
 
     Raises
     ------
@@ -81,7 +80,7 @@ def dask_workers(address: str) -> Workers:
     return cluster_workers(address)
 
 
-class _Here(Executor):
+class _InlineExecutor(Executor):
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         future: Future[T] = Future()
         try:
@@ -93,10 +92,10 @@ class _Here(Executor):
 
 @contextmanager
 def _open_here(start: Start[Any, Any]) -> Iterator[Pool]:
-    yield Pool(_Here(), Doer(start), lambda: 0)
+    yield Pool(_InlineExecutor(), Doer(start), lambda: 0)
 
 
-# one a process, which is what an initialiser is for
+# one per process, made by the initialiser
 _doer: Doer | None = None
 
 

@@ -1,6 +1,6 @@
-"""Processes of this machine that share one piece of work, and end at once when it is interrupted or killed.
+"""Processes of this machine that share the work of a run, and end at once when the run is interrupted or killed.
 
-A worker starts once in each of its threads, then turns piece after piece into results (`Doer`).
+A worker is initialised once in each of its threads, then processes one piece after the other (`Doer`).
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from typing import Any, TypeVar
 
 from robocup_vision.workers.pieces import Start
 
-_NO_GUARD = (
+_NO_MAIN_GUARD = (
     'a script whose own functions work in several processes must start them below `if __name__ == "__main__":`, as each'
     " process reads the script once more"
 )
-# what pickles of a script's own functions and classes name
+# module name in pickles of a script's own functions and classes
 _MAIN = b"__main__"
 # time after which a worker that was asked to end is killed
 _END_S = 0.5
 
 
 class Doer:
-    """Does batches of one run.
+    """Processes batches of one run.
 
     Parameters
     ----------
     start : callable
-        See `run_pieces`. Called when a thread gets its first batch, so that what it raises is told as that batch's
-        error.
+        See `run_pieces`. It is called when a thread gets its first batch, so that an exception in it becomes that
+        batch's error.
     """
 
     def __init__(self, start: Start[Any, Any]) -> None:
@@ -50,7 +50,7 @@ class Doer:
 
 
 def only_one_opencv_thread() -> None:
-    """Keep OpenCV to the thread that calls it: the workers share the processors among them."""
+    """Keep OpenCV from starting threads, because the workers already use all processors."""
     import cv2
 
     cv2.setNumThreads(0)
@@ -65,18 +65,18 @@ def worker_processes(
 ) -> Iterator[Executor]:
     """Yield an executor over processes of this machine.
 
-    They do not hear an interrupt (Ctrl-C), which is for the process that hands out the work. Where the block fails or
-    is interrupted they are ended in the middle of what they do; else what was submitted is finished. They end as well
-    when this process is killed, which leaves nobody to tell them.
+    They ignore an interrupt (Ctrl-C), which is for the process that hands out the work. If the block fails or is
+    interrupted they are ended at once; otherwise submitted calls are finished. They also end by themselves when this
+    process is killed.
 
     Parameters
     ----------
     initializer, initargs
-        What each calls first.
+        Function that each process calls first, and its arguments.
     """
     if getattr(multiprocessing.current_process(), "_inheriting", False):
-        # in a process that is being started, which runs the script's own lines: one line in place of a traceback
-        raise SystemExit(_NO_GUARD)
+        # this is a process being started, which runs the script again: one line instead of a traceback
+        raise SystemExit(_NO_MAIN_GUARD)
     executor = _Processes(jobs, multiprocessing.get_context("spawn"), _begin, (initializer, initargs))
     try:
         yield executor
@@ -101,7 +101,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def _without_main() -> Iterator[None]:
-    """Start processes that do not read the program's script once more: they need nothing of it."""
+    """In this block, start processes that do not run the program's script again, because they do not need it."""
     main: Any = sys.modules["__main__"]
     kept = {name: getattr(main, name) for name in ("__file__", "__spec__") if hasattr(main, name)}
     try:
@@ -116,7 +116,7 @@ def _without_main() -> Iterator[None]:
 class _Processes(ProcessPoolExecutor):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
-        # what each process calls first
+        # function that each process calls first, and its arguments
         self._first = arguments[2:]
         self._started: set[Any] = set()
         self._needs_main: bool | None = None
@@ -126,7 +126,7 @@ class _Processes(ProcessPoolExecutor):
             self._needs_main = _MAIN in pickle.dumps((self._first, fn, args, kwargs))
         before = set(multiprocessing.active_children())
         can_block = hasattr(signal, "pthread_sigmask")
-        # a process inherits which signals are blocked: from its first moment on, while it imports, too
+        # a new process inherits the blocked signals, so it ignores interrupts even while it imports
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,)) if can_block else ()
         try:
             with nullcontext() if self._needs_main else _without_main():
@@ -137,7 +137,7 @@ class _Processes(ProcessPoolExecutor):
                 signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
     def end(self) -> None:
-        """End the processes without waiting for what they do."""
+        """End the processes without waiting for their calls."""
         results = getattr(self, "_result_queue", None)
         self.shutdown(wait=False, cancel_futures=True)
         for process in self._started:
@@ -146,7 +146,7 @@ class _Processes(ProcessPoolExecutor):
             process.join(_END_S)
             if process.is_alive():
                 process.kill()
-        # a process that ended while it wrote a result leaves half of it: the executor's thread would wait for the rest
+        # a process that ended while it wrote a result leaves half of it; the executor's thread would wait for the rest
         # for ever, and this process for that thread
         writer = getattr(results, "_writer", None)
         if writer is not None and not writer.closed:

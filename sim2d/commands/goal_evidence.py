@@ -1,4 +1,4 @@
-"""`robocup-vision learn-goal-evidence`: its options, and what it does with them."""
+"""`robocup-vision learn-goal-evidence`: its options and its handler."""
 
 from __future__ import annotations
 

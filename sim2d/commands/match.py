@@ -1,4 +1,4 @@
-"""`robocup-vision match`: its options, and what it does with them."""
+"""`robocup-vision match`: its options and its handler."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def run_match_command(args: argparse.Namespace) -> int:
 
 
 def _referee(args: argparse.Namespace, opened: ExitStack) -> RefereeFactory | None:
-    """Return who makes the referee; its connection is closed with `opened`."""
+    """Return the chosen referee's factory; `opened` closes its connection."""
     if args.ci is not None:
         from field_models.errors import ArgumentError
         from robocup_vision.ssl.controller_clients import CI_PORT, CiClient

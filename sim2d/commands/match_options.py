@@ -1,4 +1,4 @@
-"""Common options of commands that play matches, and the plan that they make."""
+"""Common options of the commands that play matches, and the plan made from them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from sim2d.match.setups import MatchSetup
 
 
-# names only: reading the options must load no simulator, so that --help answers at once
+# names only, because parsing options must not load the simulator, so that --help answers at once
 CAMERA_NAMES = (
     "sekimori",
     "ers7",
@@ -29,7 +29,7 @@ ROBOT_NAMES = ("small", "small_size", "four_legged", "humanoid", "kid", "adult",
 
 
 def add_match_options(parser: argparse.ArgumentParser, out: str) -> None:
-    """Add field, players, length, seed and folder to a command's parser."""
+    """Add the options of a match and the output folder to a command's parser."""
     add = parser.add_argument
     add("--field", default="ssl_2001", metavar="F", help="built-in field's name, or a field file (default: ssl_2001)")
     add("--players", type=int, metavar="N", help="players per side (default: as the field's league)")
@@ -64,7 +64,7 @@ def match_plan(args: argparse.Namespace) -> MatchPlan:
 
 
 def _disturbances(setup: MatchSetup, names: str) -> Disturbances | None:
-    """Return what `--disturb` names; None: the default."""
+    """Return the disturbances that `--disturb` names; None: the default."""
     from sim2d.match.disturbances import NAMES, NONE, disturbances_for
 
     if names == "default":

@@ -1,4 +1,4 @@
-"""`robocup-vision play`: our players as a team of the small-size league, on any simulator or field that speaks it."""
+"""`robocup-vision play`: our players as a team of the small-size league, with any simulator or field of the league."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def _play(client: TeamClient, seconds: float | None) -> None:
     begin_s = time.monotonic()
     shown, next_s = "", begin_s + _STATUS_S
 
-    def goes_on() -> bool:
+    def continues() -> bool:
         nonlocal shown, next_s
         now_s = time.monotonic()
         if now_s >= next_s:
@@ -101,4 +101,4 @@ def _play(client: TeamClient, seconds: float | None) -> None:
                 print(words, flush=True)
         return seconds is None or now_s - begin_s < seconds
 
-    client.run(goes_on)
+    client.run(continues)

@@ -1,4 +1,4 @@
-"""`robocup-vision render`: its options, and what it does with them."""
+"""`robocup-vision render`: its options and its handler."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Any, Literal
 from robocup_vision.commands.options import add_worker_options, count, seed
 from sim2d.commands.spelled import spelled
 
-# names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
+# names only, because parsing options must load neither the renderer nor NumPy, so that --help answers at once
 CONDITION_NAMES = ("nominal", "noisy", "warm", "cold", "dark", "crowd", "bad_day", "miscalibrated")
-# options that override values of a `Condition` as they are
+# options that override values of a `Condition` without conversion
 _OVERRIDES = {
     "robots": "robots",
     "obstacles": "obstacles",

@@ -1,4 +1,4 @@
-"""`robocup-vision render-goal`: its options, and what it does with them."""
+"""`robocup-vision render-goal`: its options and its handler."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from robocup_vision.commands.options import add_worker_options, count, seed
 from sim2d.commands.spelled import spelled
 
-# names only: reading the options must load neither the renderer nor NumPy, so that --help answers at once
+# names only, because parsing options must load neither the renderer nor NumPy, so that --help answers at once
 GOAL_CONDITION_NAMES = (
     "clean_416x320",
     "mild_glare_416x320",

@@ -1,4 +1,4 @@
-"""`robocup-vision simulate`: sim2d as a simulator of the small-size league, for anybody's team."""
+"""`robocup-vision simulate`: sim2d as a simulator of the small-size league, for any team."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def _serve(server: LeagueServer, seconds: float | None) -> None:
     simulator = server.simulator
     shown, next_s = 0, 0.0
 
-    def goes_on() -> bool:
+    def continues() -> bool:
         nonlocal shown, next_s
         if simulator.bad_datagrams != shown and time.monotonic() >= next_s:
             shown, next_s = simulator.bad_datagrams, time.monotonic() + _STATUS_S
@@ -152,7 +152,7 @@ def _serve(server: LeagueServer, seconds: float | None) -> None:
             print(words, file=sys.stderr, flush=True)
         return seconds is None or simulator.world.t_s < seconds - 1e-9
 
-    server.run(goes_on)
+    server.run(continues)
 
 
 def _print_end(server: LeagueServer) -> None:

@@ -1,16 +1,16 @@
-"""Spells a command, for the files that it writes."""
+"""Formats a command line for the files that the command writes."""
 
 from __future__ import annotations
 
 import argparse
 import shlex
 
-# what stands elsewhere in the command, and who does the work
+# arguments that are written elsewhere in the command, and options for the workers
 _NO_OPTIONS = ("command", "action", "run", "out", "jobs", "dask")
 
 
 def spelled(name: str, args: argparse.Namespace, out: str | None = "OUT") -> str:
-    """Return the command that does the same as parsed arguments: its options, defaults included, and what it writes."""
+    """Return a command line equivalent to parsed arguments, with all options (also defaults) and the output."""
     words = ["robocup-vision", *name.split()]
     for option, value in vars(args).items():
         if option in _NO_OPTIONS or value is None or value is False:

@@ -1,4 +1,4 @@
-"""`robocup-vision tournament`: its options, and what it does with them."""
+"""`robocup-vision tournament`: its options and its handler."""
 
 from __future__ import annotations
 
@@ -111,12 +111,12 @@ def _play(
     path: Path,
     values_of: Callable[[list[dict[str, Any]]], dict[str, Any]],
 ) -> dict[str, Any]:
-    """Play the matches that are not kept, write what `values_of` makes of all results, and return it.
+    """Play the matches without a kept result, write what `values_of` computes from all results, and return it.
 
     Raises
     ------
     KeyboardInterrupt
-        With how much is played and kept.
+        With a message that says how many matches are played and kept.
     """
     from contextlib import closing
 
@@ -126,7 +126,7 @@ def _play(
     from robocup_vision.workers import dask_workers, local_workers
     from sim2d.match.tournament import play_matches
 
-    # a process of its own even for one job: a player may end it
+    # even one job gets a process of its own, because a player may end it
     workers = local_workers(args.jobs) if args.dask is None else dask_workers(args.dask)
     # an error of the plan is reported here once, before any worker starts
     plans[0].begin()

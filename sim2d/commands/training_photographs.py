@@ -1,4 +1,4 @@
-"""What the training commands have in common: their photographs, torch, and the folder that they write to."""
+"""Common part of the training commands: photographs, the check for torch, and the output folder."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def prepare_training(args: argparse.Namespace) -> tuple[list[Dataset], Path]:
     Raises
     ------
     RobocupVisionError
-        If a dataset does not fit, torch is missing, or the folder cannot be made.
+        If a dataset is not suitable, torch is missing, or the folder cannot be made.
     """
     datasets = [load_dataset(folder) for folder in args.photographs]
     for folder, dataset in zip(args.photographs, datasets, strict=True):

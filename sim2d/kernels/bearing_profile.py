@@ -1,8 +1,8 @@
-"""Compiled: the view along each bearing, as a stack of spans from steeply down to above the horizon.
+"""Compiled renderer of the view along each bearing, as a stack of spans of slope from below to above the horizon.
 
-A ray of one bearing has a slope (rise over run). Things that stand on the floor hide what is behind them from the slope
-of their foot up to that of their upper edge, nearest first. A bearing's picture is therefore a list of spans of slope,
-and a pixel is the mean over the slopes it covers.
+A ray of one bearing has a slope (rise over run). An object on the floor covers the slopes from its foot up to its upper
+edge and hides what is behind it. A bearing's picture is therefore a list of spans of slope, and a pixel is the mean
+over the slopes that it covers.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ from sim2d.kernels.things import (
     meet_box_sides,
 )
 
-# kinds of spans; of a ball its number among the things more
+# kinds of spans; for a ball its number among the things is added to `OF_BALL`
 FLOOR, PAINT, OF_BALL = range(3)
-# columns of `Bearings.entries`; of a ball the last two are the slopes between which it is seen
+# columns of `Bearings.entries`; for a ball the last two are the slopes between which it is seen
 NEAR, FAR, THING, FIRST_COLOR, SHADE = range(5)
 LOW, HIGH = FIRST_COLOR, SHADE
-# of `FloorPaint.colors`
+# index of the ground in `FloorPaint.colors`
 GROUND = np.uintp(2)
-# number of an edge of the carpet among the things
+# number that stands for an edge of the carpet in column `THING`
 EDGE = -1
-# the room's wall is computed for every so many bearings, and interpolated between them
+# the room's wall is computed for every 16th bearing and interpolated between them
 ROOM_STRIDE = 16
 
 
 @compiled(inline="always")
 def _add(bearing: int, near_m: float, far_m: float, thing: int, color: float, shade: float, bearings: Bearings) -> None:
-    """Insert a thing into a bearing's list, sorted by distance; the farthest falls out of a full list."""
+    """Insert a thing into a bearing's list, sorted by distance; a full list drops the farthest thing."""
     count, entries = bearings.lengths, bearings.entries
     k = count[bearing]
     is_full = k == entries.shape[1]
@@ -68,7 +68,7 @@ def _add(bearing: int, near_m: float, far_m: float, thing: int, color: float, sh
 
 @compiled(error_model="numpy", inline="always")
 def span_of(low_rad: float, span_rad: float, turns: int) -> tuple[int, int]:
-    """Return the first of `turns` bearings that lies within a span, and the one after the last; they go on in turns."""
+    """Return the first of `turns` bearings within a span of angles, and the one after the last, which may exceed it."""
     low = low_rad - math.floor(low_rad / math.tau) * math.tau
     start = math.ceil(low * turns / math.tau)
     return start, min(math.ceil((low + span_rad) * turns / math.tau), start + turns)
@@ -82,7 +82,7 @@ def _meet_sheet(
     view: MirrorView,
     bearings: Bearings,
 ) -> None:
-    """Enter an upright sheet (x0, y0, x1, y1, field frame, metres) with its colours seen from left and right."""
+    """Enter an upright sheet (x0, y0, x1, y1, field frame, metres), with its colours seen from left and right."""
     eye, directions = view.eye, view.pixels.directions
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     x, y = ends[0] - eye.x_m, ends[1] - eye.y_m
@@ -105,8 +105,8 @@ def _meet_sheet(
 
 @compiled(error_model="numpy")
 def _ball_slopes(toward: float, aside: float, radius: float, height_m: float) -> tuple[float, float]:
-    """Return the slopes of a bearing's two rays that touch a ball, twice 0 where it meets none."""
-    # of its section with the bearing's upright plane
+    """Return the slopes of a bearing's two rays that are tangent to a ball, or (0, 0) if the bearing misses it."""
+    # squared radius of the ball's section with the bearing's vertical plane
     section2 = radius * radius - aside * aside
     if section2 > 0 and toward > 0 and toward * toward > section2:
         drop = height_m - radius
@@ -141,7 +141,7 @@ def meet_things(view: MirrorView, bearings: Bearings) -> None:
         away, reach = math.hypot(x, y), math.hypot(radius, other) if kind == BOX else radius
         if kind != BOX and away <= radius:
             continue
-        # from within a box's corners it may be seen anywhere
+        # from within the circle through its corners, a box may be seen at any bearing
         half = math.asin(reach / away) if away > reach else math.pi
         start, stop = span_of(math.atan2(y, x) - half, 2 * half, turns)
         ahead, left = c * row[X1] + s * row[Y1], c * row[Y1] - s * row[X1]
@@ -166,7 +166,7 @@ def meet_things(view: MirrorView, bearings: Bearings) -> None:
             _add(k, distance, toward + chord, thing, color, 0.75 + 0.20 * facing, bearings)
 
 
-# what is inlined takes arrays: one taken from a tuple is counted and let go again at each call
+# inlined functions take single arrays: taking an array from a tuple costs reference counting at each call
 @compiled(inline="always")
 def _end_span(
     k: int,
@@ -204,18 +204,18 @@ def _end_thing(
     kinds: Int32Array,
     paint: Float32Array,
 ) -> int:
-    """Append the spans of entry e of bearing k to its stack of n: a thing's bands, its top and a marker there."""
-    # a row of an array would be counted and let go again, which takes longer than what is read of it
+    """Append the spans of entry e of bearing k to its stack of n: a thing's bands, its top and a marker on it."""
+    # elements are read without a view of the row, whose reference counting would take longer
     thing, color = np.uintp(int(entries[k, e, THING])), np.uintp(int(entries[k, e, FIRST_COLOR]))
     distance, far, shade = float(entries[k, e, NEAR]), float(entries[k, e, FAR]), entries[k, e, SHADE]
     kind, height = int(rows[thing, KIND]), rows[thing, HEIGHT]
-    # a bearing shows one of a box's faces
+    # a bearing shows only one face of a box
     bands = int(rows[thing, BANDS]) if kind == CYLINDER else 1
     for band in range(bands):
         top = (height * (band + 1) / bands - height_m) / distance
         n = _end_span(k, n, top, PAINT, colors, color + np.uintp(band), lit * shade, ends, kinds, paint)
     if kind != SHEET and height < height_m:
-        # of all its colours the last
+        # the top has the last of the thing's colours
         drop, top_color = height - height_m, np.uintp(int(rows[thing, COLOR] + rows[thing, BANDS]) - 1)
         middle, half = (distance + far) / 2, (far - distance) / 2
         marker2 = half * half - rows[thing, RADIUS] ** 2 * (1 - MARKER_RATIO * MARKER_RATIO)
@@ -229,7 +229,7 @@ def _end_thing(
 
 @compiled(error_model="numpy")
 def stack_spans(view: MirrorView, bearings: Bearings) -> None:
-    """Turn each bearing's list into spans of slope, in ascending order; of the room's wall it shows one colour."""
+    """Turn each bearing's list into spans of slope, in ascending order; the room's wall is one span of one colour."""
     count, entries = bearings.lengths, bearings.entries
     ends, kinds, paint = bearings.ends, bearings.kinds, bearings.paint
     (rows, colors), floor_colors, directions = view.things, view.paint.colors, view.pixels.directions
@@ -271,7 +271,7 @@ def stack_spans(view: MirrorView, bearings: Bearings) -> None:
             else:
                 on_floor = not on_floor
             lit_ground = lit
-        # seen at the middle between the last edge and the horizon
+        # the wall's colour is taken in the middle between the last edge and just above the horizon
         up = height_m + room_m * (float(ends[k, n - 1]) + 0.02) / 2
         row = min(max(int(up * wall.rows_per_m), 0) + 1, len(wall.cells) - 2)
         ends[k, n], kinds[k, n] = np.float32(math.inf), PAINT

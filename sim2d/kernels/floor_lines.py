@@ -1,7 +1,7 @@
-"""Compiled: which rays of a match camera meet paint on the floor, found where each bearing crosses each line.
+"""Compiled: which rays of a match camera meet paint on the floor.
 
-Along a bearing a straight line is met on one interval of distance, a circle on two, both in closed form. Only rays
-whose patch of floor reaches into one are computed.
+Along a bearing, a straight line covers one interval of distance and a circle two; both have a closed form. Only rays
+whose patch of floor overlaps such an interval are computed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ X, Y, SLOPE_LOW, SLOPE_HIGH, GAIN, RADIAL, TANGENTIAL, NEAR, FAR = range(9)
 
 @compiled(inline="always")
 def _cut(speed: float, room: float, low: float, high: float) -> tuple[float, float]:
-    """Cut an interval of distances a down to where a * speed <= room."""
+    """Reduce an interval [low, high] of distances d to where d * speed <= room."""
     if speed > 1e-9:
         high = min(high, room / speed)
     elif speed < -1e-9:
@@ -35,7 +35,7 @@ def _cut(speed: float, room: float, low: float, high: float) -> tuple[float, flo
 
 @compiled(inline="always")
 def _seek(low_m: float, i: int, start: int, stop: int, far_of: Float32Array) -> int:
-    """Return the first ray of a bearing that reaches beyond a distance, searched from ray i on."""
+    """Return the first ray of a bearing whose patch reaches beyond a distance; the search starts at ray i."""
     limit = np.float32(low_m)
     i = min(max(i, start), stop)
     while i > start and far_of[np.uintp(i - 1)] >= limit:
@@ -47,12 +47,12 @@ def _seek(low_m: float, i: int, start: int, stop: int, far_of: Float32Array) -> 
 
 @compiled(error_model="numpy")
 def bearings_of(x: FloatArray, y: FloatArray, axis_rad: float, turns: int) -> tuple[int, int]:
-    """Return the first and last of `turns` bearings that can meet an outline; they go on in turns.
+    """Return the first and last of `turns` bearings that can meet an outline; both count modulo `turns`.
 
     Parameters
     ----------
     x, y : (K,) float64
-        Its corners from the eye, along any axis and to its left.
+        Corners of the outline relative to the eye, along an arbitrary axis and to its left, metres.
     axis_rad : float
         Direction of that axis in the eye's frame.
     """
@@ -62,7 +62,7 @@ def bearings_of(x: FloatArray, y: FloatArray, axis_rad: float, turns: int) -> tu
         aside, ahead = middle_x * y[corner] - middle_y * x[corner], middle_x * x[corner] + middle_y * y[corner]
         beside = math.atan2(aside, ahead)
         low, high = min(low, beside), max(high, beside)
-    if high - low > 0.9 * math.pi:  # from within, or nearly so
+    if high - low > 0.9 * math.pi:  # the eye is inside the outline, or nearly so
         return 0, turns - 1
     middle = math.atan2(middle_y, middle_x) + axis_rad
     return math.floor((middle + low) * turns / math.tau), math.ceil((middle + high) * turns / math.tau)
@@ -70,7 +70,7 @@ def bearings_of(x: FloatArray, y: FloatArray, axis_rad: float, turns: int) -> tu
 
 @compiled(inline="always")
 def _mark(i: np.uintp, covered: np.float32, fraction: Float32Array, marked: Int32Array, count: int) -> int:
-    """Raise a ray's painted fraction; return how many rays are marked."""
+    """Raise the painted fraction of a ray's patch; return the number of marked rays."""
     if covered > fraction[i]:
         if fraction[i] == np.float32(0.0):
             marked[count] = i
@@ -81,7 +81,7 @@ def _mark(i: np.uintp, covered: np.float32, fraction: Float32Array, marked: Int3
 
 @compiled(error_model="numpy")
 def mark_lines(view: MirrorView, marks: Bearings) -> int:
-    """Raise the painted fractions of the patches that straight lines meet; return how many rays are marked."""
+    """Raise the painted fractions of the patches that straight lines meet; return the number of marked rays."""
     eye, half, lines, farthest_m = view.eye, view.paint.half_m, view.paint.lines, view.farthest_m
     rays, first, directions, spread = view.pixels.rays, view.pixels.first, view.pixels.directions, view.pixels.spread
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
@@ -132,7 +132,7 @@ def mark_lines(view: MirrorView, marks: Bearings) -> int:
 
 @compiled(error_model="numpy")
 def mark_arcs(view: MirrorView, marks: Bearings, count: int) -> int:
-    """Raise the painted fractions of the patches that arcs meet; `count` rays are marked already, return how many."""
+    """As `mark_lines` for arcs; `count` rays are marked already."""
     eye, half, arcs, farthest_m = view.eye, view.paint.half_m, view.paint.arcs, view.farthest_m
     rays, first, directions, spread = view.pixels.rays, view.pixels.first, view.pixels.directions, view.pixels.spread
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)

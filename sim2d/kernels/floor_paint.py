@@ -1,4 +1,4 @@
-"""Compiled: which part of a patch of floor a painted line or arc covers, and whether a point lies on the carpet."""
+"""Compiled: the fraction of a patch of floor covered by a painted line or arc, and whether a point is on the carpet."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robocup_vision.compiling.loops import compiled
 _ZERO, _HALF, _LEAST = np.float32(0.0), np.float32(0.5), np.float32(1e-6)
 
 
-SHADE_REACH = 3.0  # of a ball on the floor, in its radii
+SHADE_REACH = 3.0  # reach of a ball's shade on the floor, in its radii
 
 
 @compiled(inline="always")
@@ -38,11 +38,11 @@ def share_of_line(
     Parameters
     ----------
     off_x, off_y : float32
-        Middle of the patch from that of the line, metres.
+        Middle of the patch relative to that of the line, metres.
     line : (float32, float32, float32, float32)
-        Unit direction x, y, half its length, half its width.
+        Unit direction x, y, half the length, half the width of the line.
     along_ray, across_ray : float32
-        Size of the cosine and the sine between the line and the patch's radial sides.
+        Absolute cosine and sine of the angle between the line and the patch's radial sides.
     radial, tangential : float32
         Size of the patch, metres.
     """
@@ -67,11 +67,11 @@ def share_of_arc(
     Parameters
     ----------
     off_x, off_y : float32
-        Middle of the patch from the arc's centre, metres.
+        Middle of the patch relative to the arc's centre, metres.
     arc : (float32, float32, float32, float32, float32)
-        Radius, direction x, y of the middle, cosine of half the sweep, half its width.
+        Radius, unit direction x, y of the arc's middle, cosine of half the sweep, half the width.
     cos, sin : float32
-        Direction of the patch's radial sides.
+        Unit direction of the patch's radial sides.
     radial, tangential : float32
         Size of the patch, metres.
     """
@@ -84,7 +84,7 @@ def share_of_arc(
 
 @compiled(inline="always")
 def light_beside_ball(away2: np.float32, per_radius2: np.float32) -> np.float32:
-    """Return which part of the light its shade leaves on the floor at a squared distance from a ball."""
+    """Return the fraction of the light that a ball's shade leaves on the floor at a squared distance from it."""
     return np.float32(1.0) - np.float32(0.55) * np.float32(math.exp(-away2 * per_radius2))
 
 

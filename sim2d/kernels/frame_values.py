@@ -1,4 +1,4 @@
-"""Common values of the compiled loops of a match camera's frame: viewpoint, light, rays, bearings."""
+"""Common values of the compiled loops that draw a match camera's frame: viewpoint, light, rays, bearings."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt32Ar
 
 
 class Viewpoint(NamedTuple):
-    """Where a camera's centre of projection is."""
+    """A camera's centre of projection and heading."""
 
-    #: Field frame.
+    #: Place and heading in the field frame.
     x_m: float
     y_m: float
     heading_rad: float
-    #: Above the floor.
+    #: Height above the floor.
     height_m: float
 
 
 class Lighting(NamedTuple):
-    """Light that changes evenly over the field, and a lamp at the side."""
+    """Light with a constant gradient over the field, and a lamp at the side."""
 
-    #: At the field's centre.
+    #: Light at the field's centre.
     level: float
     #: Change per metre along x and y.
     per_m_x: float
     per_m_y: float
-    #: It never falls below this.
+    #: Lower bound of the light.
     min_level: float
     #: Direction of the lamp, field frame.
     lamp_rad: float
 
 
 class FloorPaint(NamedTuple):
-    """What is painted on the floor, field frame, metres."""
+    """Lines and carpet of the floor, field frame, metres."""
 
     #: (N, 5) float64: start x, y, unit direction x, y, length.
     lines: FloatArray
@@ -50,9 +50,9 @@ class FloorPaint(NamedTuple):
 
 
 class UprightThings(NamedTuple):
-    """What stands or lies on the floor."""
+    """Things that stand or lie on the floor."""
 
-    #: (T, 10) float64: see the columns' names in `things`.
+    #: (T, 10) float64: one thing per row; see the columns' names in `things`.
     rows: FloatArray
     #: (C, 3) float32: BGR.
     colors: Float32Array
@@ -69,28 +69,27 @@ class Nets(NamedTuple):
 
 
 class WallPicture(NamedTuple):
-    """What is seen on the round wall behind the field."""
+    """The picture on the round wall behind the field."""
 
-    #: (H + 2, 3 W / 2) uint64: blue, green and red as `pack_cells` packs them; the row at the floor and the uppermost
-    #: one are there twice, and after a full turn of columns by azimuth from +x the first half comes again, so that no
-    #: index wraps.
+    #: (H + 2, 3 W / 2) uint64: blue, green and red as `pack_cells` packs them. Columns follow the azimuth from +x. The
+    #: first half is repeated after a full turn, as are the row at the floor and the uppermost one: no index wraps.
     cells: UInt64Array
-    #: W, columns of a full turn.
+    #: W: number of columns of a full turn.
     turn: int
-    #: Its scale and radius.
+    #: Rows per metre of height, and the wall's radius.
     rows_per_m: float
     radius_m: float
 
 
 class PixelRays(NamedTuple):
-    """One ray a pixel, by bearing, then by slope."""
+    """One ray per pixel, sorted by bearing, then by slope."""
 
     #: (9, P) float32: see the rows' names in `floor_lines`: floor point in the viewpoint's frame (m), least and
     #: greatest slope, gain, radial and tangential size of the patch of floor, distances where it begins and ends (m).
     rays: Float32Array
     #: (P,) uint32: flat indices of the pixels.
     pixels: UInt32Array
-    #: (K + 1,) int32: first ray of each bearing, and P.
+    #: (K + 1,) int32: index of the first ray of each bearing, and P.
     first: Int32Array
     #: (K, 3) float64: each bearing (rad), its cosine and sine, viewpoint's frame, evenly over a full turn from 0.
     directions: FloatArray
@@ -100,7 +99,7 @@ class PixelRays(NamedTuple):
 
 
 class MirrorView(NamedTuple):
-    """What a mirror camera's frame is drawn from."""
+    """Everything from which a mirror camera's frame is drawn."""
 
     things: UprightThings
     paint: FloorPaint
@@ -108,28 +107,28 @@ class MirrorView(NamedTuple):
     wall: WallPicture
     light: Lighting
     pixels: PixelRays
-    #: Floor farther away is not seen.
+    #: Distance beyond which the floor is not visible.
     farthest_m: float
     eye: Viewpoint
 
 
 class Bearings(NamedTuple):
-    """What each of K bearings meets and shows, and which of P rays meet paint; made once, filled for each frame."""
+    """Profiles of K bearings, and which of P rays meet paint; allocated once, filled for each frame."""
 
-    #: (K,) int32: how many things stand along it.
+    #: (K,) int32: number of things along each bearing.
     lengths: Int32Array
-    #: (K, E, 5) float32: these, nearest first: distances where a thing begins and ends (m), its number, its first
-    #: colour there and its shade, or the slopes between which a ball is seen; see the columns' names in
+    #: (K, E, 5) float32: these things, nearest first: distances where one begins and ends (m), its number, its first
+    #: colour there and its shade, or the slopes between which a ball is visible; see the columns' names in
     #: `bearing_profile`.
     entries: Float32Array
     #: (K, S) float32: slope (rise over run) at which each span of the bearing ends, from steeply down to above the
     #: horizon; the last is infinite.
     ends: Float32Array
-    #: (K, S) int32: what the span shows: see the kinds' names in `bearing_profile`.
+    #: (K, S) int32: kind of each span; see the kinds' names in `bearing_profile`.
     kinds: Int32Array
-    #: (K, S, 3) float32: light of PAINT spans, BGR; of a ball's the light of the pixel drawn last.
+    #: (K, S, 3) float32: light of PAINT spans, BGR; for a ball's span the light of the pixel drawn last.
     paint: Float32Array
     #: (P,) float32: painted fraction of each ray's patch of floor; all 0 between frames.
     fraction: Float32Array
-    #: (P,) int32: rays whose fraction is not 0; the loops pass on how many.
+    #: (P,) int32: rays whose fraction is not 0, as many as the loops return.
     marked: Int32Array

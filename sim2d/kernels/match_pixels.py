@@ -1,4 +1,4 @@
-"""Compiled: a mirror camera's match frame, each pixel the mean of its bearing's spans; and the sensor's noise."""
+"""Compiled renderer of a mirror camera's frame, each pixel the mean of its bearing's spans; and the sensor's noise."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from sim2d.kernels.things import BALL, KIND, RADIUS, X0, Y0, meet_ball, row_of, 
 def fill_carpet(
     floor: Float32Array, light: Lighting, eye: Viewpoint, color: Float32Array, body: UInt8Array, out: UInt8Array
 ) -> None:
-    """Fill a frame with plain carpet, as if nothing stood or were painted on it.
+    """Fill a frame with plain carpet, without lines and objects.
 
     Parameters
     ----------
     floor : (3, N) float32
-        Floor point of every pixel of the image in the eye's frame (m), and its gain.
+        x and y of every pixel's floor point in the eye's frame (m), and the pixel's gain.
     color : (3,) float32
         BGR of the carpet.
     body : (3, N) uint8
-        Added: what is seen where the gain is 0.
+        Colours of the pixels with gain 0; added.
     out : (3, N) uint8
-        The frame's planes.
+        Blue, green and red planes of the frame; overwritten.
     """
     here, along_x, along_y = _light_ahead(light, eye)
     least = np.float32(light.min_level)
@@ -49,7 +49,7 @@ def fill_carpet(
 
 @compiled
 def _light_ahead(light: Lighting, eye: Viewpoint) -> tuple[np.float32, np.float32, np.float32]:
-    """Return the level at the eye, and its change per metre along the eye's own axes."""
+    """Return the light level at the eye, and its change per metre along the eye's own axes."""
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     along_x, along_y = light.per_m_x, light.per_m_y
     here = light.level + along_x * eye.x_m + along_y * eye.y_m
@@ -58,7 +58,7 @@ def _light_ahead(light: Lighting, eye: Viewpoint) -> tuple[np.float32, np.float3
 
 @compiled
 def paint_marked(view: MirrorView, marks: Bearings, count: int, out: UInt8Array) -> None:
-    """Paint the `count` rays that lines meet, and clear their fractions."""
+    """Paint the pixels of the `count` marked rays, which meet lines, and clear their fractions."""
     pixels, light, eye, colors = view.pixels, view.light, view.eye, view.paint.colors
     here, along_x, along_y = _light_ahead(light, eye)
     least, most, half = np.float32(light.min_level), np.float32(255.0), np.float32(0.5)
@@ -78,7 +78,7 @@ def paint_marked(view: MirrorView, marks: Bearings, count: int, out: UInt8Array)
 
 @compiled(error_model="numpy")
 def draw_pixels(view: MirrorView, spans: Bearings, out: UInt8Array) -> None:
-    """Draw what stands on the floor over the painted carpet: along each bearing outwards."""
+    """Draw the objects on the floor, and the room, over the painted carpet: along each bearing outwards."""
     pixels, eye, things, light = view.pixels, view.eye, view.things, view.light
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
     most, half = np.float32(255.0), np.float32(0.5)
@@ -104,7 +104,7 @@ def draw_pixels(view: MirrorView, spans: Bearings, out: UInt8Array) -> None:
             elif kind == FLOOR:
                 while i < stop and high_of[i] <= end:
                     i += ONE
-            # pixels at the edge to what comes next, and all of the ball
+            # pixels at the boundary to the next span, and all pixels of a ball
             while i < stop and low_of[i] < end:
                 low, high = low_of[i], high_of[i]
                 of_ball = n if kind >= OF_BALL else n + ONE
@@ -125,7 +125,7 @@ def draw_pixels(view: MirrorView, spans: Bearings, out: UInt8Array) -> None:
 
 @compiled(error_model="numpy")
 def shade_carpet(view: MirrorView, ball: int, out: UInt8Array) -> None:
-    """Darken the floor in a frame around a ball, one of the things."""
+    """Darken the floor around a ball, given by its index among the things."""
     pixels, eye, row = view.pixels, view.eye, view.things.rows[ball]
     x_m, y_m, radius_m = row[X0], row[Y0], row[RADIUS]
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
@@ -136,7 +136,7 @@ def shade_carpet(view: MirrorView, ball: int, out: UInt8Array) -> None:
     ball_x, ball_y, reach2 = np.float32(x), np.float32(y), np.float32(reach_m * reach_m)
     per_radius2 = np.float32(1 / (radius_m * radius_m))
     within = math.asin(reach_m / away) if away > reach_m else math.pi
-    # a pixel lies up to half a bearing beside its own
+    # a pixel's own bearing differs from its table bearing by up to half a step
     within += math.tau / turns
     start, stop = span_of(math.atan2(y, x) - within, 2 * within, turns)
     for turned in range(start, stop):
@@ -165,12 +165,12 @@ def _mix_spans(
     paint: Float32Array,
     out: UInt8Array,
 ) -> None:
-    """Draw a ray's pixel, which covers spans n and n + 1 of a bearing, by the slopes in each."""
+    """Draw a pixel that covers spans n and n + 1 of a bearing, as their mean weighted by slopes."""
     most, half, one = np.float32(255.0), np.float32(0.5), np.float32(1.0)
     end, beyond = ends[bearing, n], min(n + ONE, np.uintp(ends.shape[1] - 1))
     part = one if high <= end else (end - low) / (high - low)
     kind, kind_beyond = kinds[bearing, n], kinds[bearing, beyond]
-    # without branches, which no processor foresees here
+    # without branches, since the processor cannot predict them here
     weight = part * (one if kind == FLOOR else gain)
     weight_beyond = (one - part) * (one if kind_beyond == FLOOR else gain)
     for channel in range(3):
@@ -186,16 +186,16 @@ def _mix_spans(
 def add_noise(frame: UInt8Array, noise: Int8Array) -> None:
     """Add noise (N,) int8 to a frame (N,) uint8 in place, clipped."""
     for i in range(len(frame)):
-        # numba adds in 64 bits, of which a vector holds a quarter as many
+        # numba would add in 64 bits; in 16 bits a vector instruction adds four times as many
         value = np.int16(np.int16(frame[i]) + np.int16(noise[i]))
         frame[i] = np.uint8(min(max(value, np.int16(0)), np.int16(255)))
 
 
 @compiled
 def draw_over_carpet(view: MirrorView, bearings: Bearings, out: UInt8Array) -> None:
-    """Draw lines, what stands on the floor and the room behind it over plain carpet.
+    """Draw lines, objects and the room over plain carpet.
 
-    It is one call, because a call from Python takes tuples of arrays apart, which takes longer than some of the loops.
+    This is a single call, because unpacking tuples of arrays at a call from Python takes longer than some of the loops.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Compiled: goal nets: where a ray crosses one, its cords' share of the ray's patch, and nets over a mirror's frame."""
+"""Compiled rendering of goal nets: where a ray crosses one, how much of its patch is cord, nets in mirror frames."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ Ray = tuple[np.float32, np.float32, np.float32, np.float32, np.float32]
 
 
 @compiled(error_model="numpy", inline="always")
-def cords_until(turns: np.float32, share: np.float32) -> np.float32:
-    """Return the length of cords, in meshes, from half a mesh before 0 to a place, in meshes; each is `share` thick."""
-    turns += _HALF
-    whole: np.float32 = np.floor(turns)
-    covered: np.float32 = whole * share + min(max(turns - whole - _HALF + share * _HALF, _ZERO), share)
+def cords_until(meshes: np.float32, thickness: np.float32) -> np.float32:
+    """Return the length covered by cords from half a mesh before 0 to a place; all lengths in meshes."""
+    meshes += _HALF
+    whole: np.float32 = np.floor(meshes)
+    covered: np.float32 = whole * thickness + min(max(meshes - whole - _HALF + thickness * _HALF, _ZERO), thickness)
     return covered
 
 
@@ -35,21 +35,21 @@ def cords_until(turns: np.float32, share: np.float32) -> np.float32:
 def cover_axis(
     at_m: np.float32, wide_m: np.float32, size_m: np.float32, mesh_m: np.float32, cord_m: np.float32
 ) -> tuple[np.float32, np.float32]:
-    """Return the share of an interval that lies on a net's edge of a given length, and that between its cords."""
+    """Return the fraction of an interval within a net's edge of length `size_m`, and the fraction between its cords."""
     per_mesh, per_wide = _ONE / mesh_m, _ONE / wide_m
-    share = cord_m * per_mesh
+    thickness = cord_m * per_mesh
     low = min(max(at_m - wide_m * _HALF, _ZERO), size_m)
     high = min(max(at_m + wide_m * _HALF, _ZERO), size_m)
     inside = high - low
-    free = inside - mesh_m * (cords_until(high * per_mesh, share) - cords_until(low * per_mesh, share))
+    free = inside - mesh_m * (cords_until(high * per_mesh, thickness) - cords_until(low * per_mesh, thickness))
     return inside * per_wide, free * per_wide
 
 
 @compiled(error_model="numpy")
 def from_eye(row: FloatArray, eye: Float32Array) -> tuple[Float32Array, Float32Array, Sizes]:
-    """Return a net's directions (3, 3): first edge, second edge, normal; the corner's places along them, and its sizes.
+    """Return a net's axes (3, 3): first edge, second edge, normal; its corner's coordinates along them; and its sizes.
 
-    Places are from the eye; sizes are the lengths of its edges, the widths of a mesh along them and a cord's thickness.
+    The corner is relative to the eye; the sizes are the edges' lengths, a mesh's widths along them, a cord's thickness.
     """
     axes, start = np.empty((3, 3), dtype=np.float32), np.zeros(3, dtype=np.float32)
     for k in range(3):
@@ -65,7 +65,7 @@ def from_eye(row: FloatArray, eye: Float32Array) -> tuple[Float32Array, Float32A
 
 @compiled(error_model="numpy", inline="always")
 def along_axes(axes: Float32Array, x: np.float32, y: np.float32, z: np.float32) -> Vector:
-    """Return a vector along a net's directions."""
+    """Return a vector's components along a net's axes."""
     a = axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z
     b = axes[1, 0] * x + axes[1, 1] * y + axes[1, 2] * z
     return a, b, axes[2, 0] * x + axes[2, 1] * y + axes[2, 2] * z
@@ -73,16 +73,16 @@ def along_axes(axes: Float32Array, x: np.float32, y: np.float32, z: np.float32) 
 
 @compiled(error_model="numpy", inline="always")
 def cover(start: Float32Array, sizes: Sizes, ray: Vector, by_u: Vector, by_v: Vector) -> tuple[np.float32, np.float32]:
-    """Return at which multiple of a ray it meets a net, and the share of its pixel that cords cover.
+    """Return the multiple of a ray at which it meets a net, and the fraction of its pixel that cords cover.
 
     Parameters
     ----------
     start, sizes
         As `from_eye` returns them.
     ray, by_u, by_v : (float32, float32, float32)
-        The ray and its change to the pixel beside and to the one above, along the net's directions.
+        The ray, and its differences to the ray beside and to the one above, along the net's axes.
     """
-    # without branches, so that the compiler covers several pixels at once
+    # without branches, so that the compiler can vectorise over several pixels
     along, up, facing = ray
     per_facing = _ONE / facing
     t = start[2] * per_facing
@@ -102,7 +102,7 @@ def cover(start: Float32Array, sizes: Sizes, ray: Vector, by_u: Vector, by_v: Ve
 def _hidden_until(
     crossings: Bearings, things: UprightThings, bearing: int, distance_m: float, height_m: float
 ) -> float:
-    """Return the slope up to which things nearer than a distance hide what is behind them."""
+    """Return the slope up to which objects nearer than a distance hide what is behind them."""
     hidden = -math.inf
     for e in range(crossings.lengths[bearing]):
         entry = crossings.entries[bearing, e]
@@ -119,7 +119,7 @@ def _hidden_until(
 
 @compiled(error_model="numpy")
 def lay_nets(view: MirrorView, crossings: Bearings, out: UInt8Array) -> None:
-    """Lay nets over a mirror camera's frame (H * W, 3)."""
+    """Draw nets over a mirror camera's frame (H * W, 3)."""
     nets, pixels, eye, light = view.nets, view.pixels, view.eye, view.light
     bearings = len(pixels.first) - 1
     c, s = math.cos(eye.heading_rad), math.sin(eye.heading_rad)
@@ -167,11 +167,11 @@ def lay_nets(view: MirrorView, crossings: Bearings, out: UInt8Array) -> None:
 
 @compiled(error_model="numpy", inline="always")
 def _ray_of(pixels: PixelRays, i: int, step: np.float32, c: np.float32, s: np.float32) -> Ray:
-    """Return a pixel's direction x, y, slope, its angle across the bearing and its range of slopes."""
+    """Return a pixel's ray: direction x, y and slope, its angular width across the bearing, and its range of slopes."""
     ahead, left = pixels.rays[X, i], pixels.rays[Y, i]
     floor_m = np.float32(math.sqrt(ahead * ahead + left * left))
     low, high = pixels.rays[SLOPE_LOW, i], pixels.rays[SLOPE_HIGH, i]
-    # beyond the horizon, as far out in the image as a bearing is a pixel wide
+    # beyond the horizon a pixel is about as wide as the step between bearings
     angle = pixels.rays[TANGENTIAL, i] / floor_m if high < _ZERO else step
     x, y = (c * ahead - s * left) / floor_m, (s * ahead + c * left) / floor_m
     return x, y, (low + high) * _HALF, angle, high - low
@@ -179,10 +179,9 @@ def _ray_of(pixels: PixelRays, i: int, step: np.float32, c: np.float32, s: np.fl
 
 @compiled(error_model="numpy", inline="always")
 def cover_patch(axes: Float32Array, start: Float32Array, sizes: Sizes, ray: Ray) -> tuple[np.float32, np.float32]:
-    """Return the horizontal distance at which a ray meets a net, and the share of its pixel that cords cover.
+    """Return the horizontal distance at which a ray meets a net, and the fraction of its pixel that cords cover.
 
-    A ray is its horizontal direction and slope, field axes, the angle to the ray beside it and the difference of slope
-    to the one above.
+    `ray`: horizontal direction and slope, field axes, angle to the ray beside it, difference of slope to the one above.
     """
     x, y, z, angle, tall = ray
     by_side, by_up = along_axes(axes, -angle * y, angle * x, _ZERO), along_axes(axes, _ZERO, _ZERO, tall)
@@ -193,7 +192,7 @@ def cover_patch(axes: Float32Array, start: Float32Array, sizes: Sizes, ray: Ray)
 def _slopes_of(
     row: FloatArray, axes: Float32Array, start: Float32Array, x: np.float32, y: np.float32, here: Float32Array
 ) -> tuple[np.float32, np.float32]:
-    """Return the least and greatest slope at which a ray of one bearing may meet a rectangle."""
+    """Return the smallest and greatest slope at which a ray of one bearing may meet a net's rectangle."""
     nothing = np.float32(math.inf), np.float32(-math.inf)
     if axes[2, 2] == _ZERO:  # upright
         t = start[2] / along_axes(axes, x, y, _ZERO)[2]

@@ -15,10 +15,9 @@ from robocup_vision.compiling.loops import compiled
 class RayFan(NamedTuple):
     """All rays of an image."""
 
-    #: (H, W, S, 3) float32: S rays a pixel in the robot frame, scaled so that the ray parameter is what
-    #: `PanelHits.depth` measures.
+    #: (H, W, S, 3) float32: S rays per pixel, robot frame; their lengths define the unit of `PanelHits.depth`.
     directions: Float32Array
-    #: Of the robot's heading.
+    #: Cosine and sine of the robot's heading.
     cos: float
     sin: float
     #: (3,) float64: centre of projection, field frame, metres.
@@ -30,8 +29,7 @@ class RayFan(NamedTuple):
 class Panels(NamedTuple):
     """Rectangles, seen from the front only."""
 
-    #: (P, 3) float64: A corner and the unit directions of both edges; the front is the side that ``along x up`` points
-    #: to.
+    #: (P, 3) float64, field frame: a corner (m), unit directions of both edges; the front is at ``along x up``.
     origin: FloatArray
     along: FloatArray
     up: FloatArray
@@ -42,11 +40,11 @@ class Panels(NamedTuple):
 
 
 class PanelHits(NamedTuple):
-    """What each ray meets first."""
+    """The first panel that each ray meets."""
 
-    #: (H, W, S) float32: ray parameter of the first hit, inf where there is none.
+    #: (H, W, S) float32: ray parameter of the first hit, inf if there is none.
     depth: Float32Array
-    #: (H, W, S) int16: number of the panel, -1 where there is none.
+    #: (H, W, S) int16: number of the panel, -1 if there is none.
     met: npt.NDArray[np.int16]
 
 
@@ -55,7 +53,7 @@ class Pyramids(NamedTuple):
 
     #: (N, 3) uint8: one pyramid after another, BGR, rows from the top down.
     texels: npt.NDArray[np.uint8]
-    #: (T, L, 3) int64: of each texture's level: first texel, rows, columns.
+    #: (T, L, 3) int64: first texel, rows and columns of each texture's levels.
     levels: Int64Array
 
 
@@ -122,11 +120,11 @@ def shade_panels(
     Parameters
     ----------
     rays, panels, hits
-        As in and from `first_panel`.
+        As in `first_panel`, with `hits` as it leaves them.
     ambient : float
-        Light that comes from everywhere.
+        Light that comes equally from all directions.
     lamps : (K, 4) float64
-        Place (m) and strength of each lamp: its light on a panel that faces it 1 m away.
+        Place (field frame, metres) and strength of each lamp: its light on a panel that faces it from 1 m away.
     image : (H, W, 3) float32
         Filled: linear light, BGR.
     """

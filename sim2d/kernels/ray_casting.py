@@ -1,6 +1,6 @@
-"""Compiled: of the exact pictures' rays what each meets first, how much of its patch is painted, which nets it crosses.
+"""Compiled ray casting for exact pictures: the first thing on a ray, the paint on its patch of floor, the nets on it.
 
-A ray has a horizontal direction of length 1 and a slope, so that distances are horizontal ones.
+A ray has a horizontal direction of length 1 and a slope, so distances are horizontal.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sim2d.kernels.things import ID_BITS, KIND, foot_circle, meet_grid, meet_thi
 LEVEL = -1e-7  # slope above which a ray never meets the floor
 MIN_RUN = 1e-9
 MAX_FLOOR_M = 1e3
-_BLOCK = 1024  # so many rays are taken together: things beside all of their bearings are left out
+_BLOCK = 1024  # rays that are processed together; things beside all of their bearings are skipped
 
 
 @compiled(error_model="numpy")
@@ -37,19 +37,19 @@ def first_things(
     Parameters
     ----------
     rows : (T, 10) float32
-        Of `UprightThings.rows`, with the eye's foot as the origin.
+        As `UprightThings.rows`, with the origin at the eye's foot.
     directions : (3, N) float32
         Horizontal direction and slope, field axes; neighbours should have nearly the same bearing.
     height : float32
-        Of the eye, metres.
+        Height of the eye, metres.
     lamp : (2,) float32
         Unit direction towards the light, field axes.
     distance_m : (N,) float32
-        How far each ray goes at most; lowered to where it meets a thing, metres.
+        Length of each ray, metres; reduced to the distance of the thing that it meets.
     surface : (N,) int32
-        Set to the thing's colour where one is met.
+        Set to the thing's colour for each ray that meets one.
     shade : (N,) float32
-        Set to its shade there.
+        Set to the thing's shade for each ray that meets one.
     """
     ids = np.empty(directions.shape[1], dtype=np.int32)
     for start in range(0, len(ids), _BLOCK):
@@ -92,9 +92,9 @@ def paint_floor(
     places_m : (2, N) float32
         Middles of the patches, field frame, metres.
     directions : (2, N) float32
-        Of the patches' radial sides.
+        Unit directions of the patches' radial sides, field frame.
     sizes_m : (2, N) float32
-        Along them and across, metres.
+        Radial and tangential sizes of the patches, metres.
     covered : (N,) float32
         Filled.
     on_carpet : (N,) bool
@@ -111,15 +111,15 @@ def paint_floor(
         line = np.float32(t_x), np.float32(t_y), np.float32(length / 2), half
         for i in range(len(covered)):
             along, across = abs(cos[i] * line[0] + sin[i] * line[1]), abs(sin[i] * line[0] - cos[i] * line[1])
-            share = share_of_line(x[i] - middle_x, y[i] - middle_y, line, along, across, radial[i], tangential[i])
-            covered[i] = max(covered[i], share)
+            fraction = share_of_line(x[i] - middle_x, y[i] - middle_y, line, along, across, radial[i], tangential[i])
+            covered[i] = max(covered[i], fraction)
     for k in range(len(paint.arcs)):
         row = paint.arcs[k]
         center_x, center_y = np.float32(row[0]), np.float32(row[1])
         arc = np.float32(row[2]), np.float32(row[3]), np.float32(row[4]), np.float32(row[5]), half
         for i in range(len(covered)):
-            share = share_of_arc(x[i] - center_x, y[i] - center_y, arc, cos[i], sin[i], radial[i], tangential[i])
-            covered[i] = max(covered[i], share)
+            fraction = share_of_arc(x[i] - center_x, y[i] - center_y, arc, cos[i], sin[i], radial[i], tangential[i])
+            covered[i] = max(covered[i], fraction)
 
 
 @compiled(error_model="numpy")
@@ -132,18 +132,18 @@ def cross_net(
     distance_m: Float32Array,
     covered: Float32Array,
 ) -> None:
-    """Fill in where rays cross a net, and which fraction of their patches its cords cover.
+    """Fill in where rays cross a net, and the fraction of their patches that its cords cover.
 
     Parameters
     ----------
     which : int
         Row of the net.
     eye_m : (3,) float32
-        Where the rays start, field frame, metres.
+        Start of all rays, field frame, metres.
     directions : (3, N) float32
         As in `first_things`.
     steps : (2, N) float32
-        Angle to the ray beside each, radians, and difference of slope to the one above.
+        Angle to the ray beside each ray, radians, and difference of slope to the ray above it.
     distance_m, covered : (N,) float32
         Filled.
     """
@@ -162,12 +162,12 @@ def pinhole_patches(
     radial_m: FloatArray,
     tangential_m: FloatArray,
 ) -> None:
-    """Write the sizes of the floor patches that a pinhole camera's rays stand for.
+    """Fill in the sizes of the patches of floor that a pinhole camera's rays represent.
 
     Parameters
     ----------
     rays_per_rad : float
-        Rays an angle of one radian on the optical axis; where the cosine to it is c there are 1 / c^2 times as many.
+        Rays per radian on the optical axis; there are 1 / c^2 times as many where the cosine of the angle to it is c.
     along_axis : (P, samples) float64
         Cosine between each ray and the optical axis.
     directions : (P, samples, 3) float64

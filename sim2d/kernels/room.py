@@ -1,7 +1,7 @@
-"""Compiled: the round wall behind a field, where a ray meets it and in one tile of a forward camera's frame.
+"""Compiled: where a ray meets the round wall behind a field, and the wall in one tile of a forward camera's frame.
 
-The wall's picture is of cells of one colour. A pixel is the mean over its footprint, which is at most one cell wide and
-high, so it covers four cells at most. The three channels of a cell lie in one integer and are averaged at once.
+The wall's picture consists of cells of one colour. A pixel is the mean over its footprint, at most one cell wide and
+high, so it covers at most four cells. The three channels of a cell are in one integer and are averaged together.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from robocup_vision.arrays import Float32Array, FloatArray, Int32Array, UInt64Ar
 from robocup_vision.compiling.loops import compiled
 from sim2d.kernels.frame_values import WallPicture
 
-# a channel is stored in quarters of a grey level and 21 bits; weights are of 256 parts
+# a channel is stored in quarters of a grey level, in lanes of 21 bits; weights are in 256ths
 _QUARTERS, _BITS, _PARTS = 4.0, 21, 256.0
 _MAX_STORED = 8191
 _MASK = np.uint64((1 << 13) - 1)
@@ -24,7 +24,7 @@ _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 
 def pack_cells(picture: Float32Array) -> UInt64Array:
-    """Return the cells of a picture (H, W, 3) BGR of 0 to 2047 grey levels: (H + 2, 3 W / 2), see `WallPicture`."""
+    """Return the cells (H + 2, 3 W / 2), see `WallPicture`, of a picture (H, W, 3) BGR with values from 0 to 2047."""
     stored = np.rint(np.clip(picture * _QUARTERS, 0, _MAX_STORED)).astype(np.uint64)
     cells = stored[..., 0] | stored[..., 1] << _GREEN | stored[..., 2] << _RED
     return np.ascontiguousarray(np.pad(np.hstack([cells, cells[:, : cells.shape[1] // 2]]), ((1, 1), (0, 0)), "edge"))
@@ -32,7 +32,7 @@ def pack_cells(picture: Float32Array) -> UInt64Array:
 
 @compiled(error_model="numpy")
 def wall_point(cos: float, sin: float, x_m: float, y_m: float, wall: WallPicture) -> tuple[float, float]:
-    """Return where a horizontal direction from a place meets the round wall: column of its picture, distance (m)."""
+    """Return where a direction from a place, field frame, meets the wall: column of its picture, distance (m)."""
     toward = -(cos * x_m + sin * y_m)
     away2 = x_m * x_m + y_m * y_m
     distance = toward + math.sqrt(max(toward * toward + wall.radius_m * wall.radius_m - away2, 0.0))
@@ -42,7 +42,7 @@ def wall_point(cos: float, sin: float, x_m: float, y_m: float, wall: WallPicture
 
 @compiled(error_model="numpy", inline="always")
 def cell_color(cell: np.uint64) -> tuple[np.float32, np.float32, np.float32]:
-    """Return blue, green and red of a cell, or of several that are averaged."""
+    """Return blue, green and red of a cell, or of the mean of several."""
     quarter = np.float32(1.0 / _QUARTERS)
     blue, green = np.float32(np.int32(cell & _MASK)), np.float32(np.int32((cell >> _GREEN) & _MASK))
     return blue * quarter, green * quarter, np.float32(np.int32((cell >> _RED) & _MASK)) * quarter
@@ -64,20 +64,20 @@ def draw_wall(
     Parameters
     ----------
     corners : (2, 3, 2) float64
-        Column of the picture (not negative, without a jump) and height (m) at the left, middle and right of the tile's
-        upper and lower side; between them both change evenly.
+        Column of the picture (not negative, continuous) and height (m) at the left, middle and right of the tile's
+        upper and lower side; both are interpolated linearly.
     shape : (int, int)
         Rows and columns of pixels.
     cells_of_wall : (M,) uint64
-        Its cells, one row after another.
+        Cells of the wall's picture, one row after another.
     places : (N,) float32
-        Column of each pixel, row by row.
+        Column of each pixel in the tile, row by row.
     cells : (4, N) int32
-        For each pixel of the tile; changed.
+        Working memory for the tile's pixels.
     mixed : (N,) uint64
-        The same.
+        Likewise.
     colors : (3, N) float32
-        Blue, green, red of each pixel, row by row; drawn over.
+        Blue, green, red of each pixel, row by row; changed.
     """
     rows, columns = shape
     above_all, stride = np.float32(wall.cells.shape[0] - 2), np.int32(wall.cells.shape[1])
@@ -109,7 +109,7 @@ def draw_wall(
             for k in range(many):
                 place = places[k] + _HALF
                 up, end_c = begin_up + step_up * place, begin_c + step_c * place + half_c
-                # the picture has a row more below
+                # the picture has an additional row below
                 end_r = min(max(up * per_row + _ONE, half_r), above_all) + half_r
                 over[start + k] = np.int32(min(max((_HALF + up * per_up) * parts, _ZERO), parts))
                 in_c, in_r = end_c - np.float32(np.int32(end_c)), end_r - np.float32(np.int32(end_r))
@@ -121,15 +121,15 @@ def draw_wall(
     for i in range(pixels):
         at, wc, wr = np.uint64(first[i]), np.uint64(across[i]), np.uint64(above[i])
         below, upper = flat[at], flat[at + row_step]
-        # differences of lanes may borrow from each other: the sum has none left
+        # lanes of the differences may borrow from each other, but not those of the sum
         below = (((below << _SHIFT) + (flat[at + one] - below) * wc) >> _SHIFT) & _LANES
         upper = (((upper << _SHIFT) + (flat[at + row_step + one] - upper) * wc) >> _SHIFT) & _LANES
         mixed[i] = (((below << _SHIFT) + (upper - below) * wr) >> _SHIFT) & _LANES
     per_part = np.float32(1.0 / _PARTS)
     blue, green, red = colors[0], colors[1], colors[2]
     for i in range(pixels):
-        share = np.float32(over[i]) * per_part
+        fraction = np.float32(over[i]) * per_part
         wall_blue, wall_green, wall_red = cell_color(mixed[i])
-        blue[i] += share * (wall_blue - blue[i])
-        green[i] += share * (wall_green - green[i])
-        red[i] += share * (wall_red - red[i])
+        blue[i] += fraction * (wall_blue - blue[i])
+        green[i] += fraction * (wall_green - green[i])
+        red[i] += fraction * (wall_red - red[i])

@@ -1,7 +1,6 @@
-"""Compiled: where a ray meets one thing that stands or lies on the floor: sheet, cylinder, bar, ball, box.
+"""Compiled intersection of rays with objects on the floor: sheet, cylinder, bar, ball, box.
 
-A ray starts at the eye; its direction need not have length 1. Everything is in axes of the field with the eye's foot
-as the origin.
+A ray starts at the eye; its direction may have any length. Coordinates are along the field's axes, from the eye's foot.
 """
 
 from __future__ import annotations
@@ -16,19 +15,23 @@ from sim2d.kernels.frame_values import UprightThings
 
 # kinds of things
 SHEET, CYLINDER, BAR, BALL, BOX = range(5)
-# columns of `UprightThings.rows`: kind; place (of a sheet or bar: its start); end (of a box: direction of its width);
-# radius (of a box: half its width); height (of a bar: of its axis; of a ball: of its upper end); first colour; bands of
-# colour (of a box its four faces: right, ahead, left and behind of the direction of its width, then its top); and the
-# colour of a sheet's right side, of a cylinder's marker or of a ball's patches (-1: none), or half a box's depth. A
-# ball's turns about x, y and z stand in place of its end and its bands.
+# Columns of `UprightThings.rows`:
+# X0, Y0: position; for a sheet or bar its start
+# X1, Y1: end of a sheet or bar; for a box the direction of its width; for a ball its turns about x and y
+# RADIUS: radius; for a box half its width
+# HEIGHT: height; for a bar that of its axis
+# COLOR: number of the first colour
+# BANDS: number of colour bands; for a box its four faces (right, ahead, left and behind of the direction of its width)
+#   and its top; for a ball its turn about z
+# OTHER: colour of a sheet's right side, of a cylinder's marker or of a ball's patches (-1: none); half a box's depth
 KIND, X0, Y0, X1, Y1, RADIUS, HEIGHT, COLOR, BANDS, OTHER = range(10)
 COLUMNS = 10
-# of the number of a thing and one of its colours in one: so many bits are the colour's
+# number of low bits that hold the colour in an id of a thing and one of its colours
 ID_BITS = 12
-MARKER_RATIO = np.float32(0.3)  # radius of a robot's marker, of its own
-# corners of an icosahedron are (0, 1, golden) over their length, with all signs, and its turns about the diagonal; the
-# middle of a dark pentagon is at each, a disc of its area: the twelve cover 28 % of a ball whose edges are all of one
-# length
+MARKER_RATIO = np.float32(0.3)  # radius of a robot's marker divided by the robot's
+# A ball's dark pentagons are at the corners of an icosahedron: (0, 1, golden) over its length, with all signs and
+# cyclic permutations. Each is drawn as a disc of the same area; the twelve cover 28 % of a ball whose edges are equally
+# long.
 _GOLDEN = np.float32((1 + math.sqrt(5)) / 2)
 _PATCH_REACH = np.float32((1 - 2 * 0.284 / 12) * math.hypot(1.0, (1 + math.sqrt(5)) / 2))
 _NOTHING = np.float32(1e30)
@@ -39,14 +42,14 @@ ThingRow = Float32Array | tuple[np.float32, ...]
 
 @compiled(inline="always")
 def row_of(rows: Float32Array, k: np.uintp) -> tuple[np.float32, ...]:
-    """Return the numbers of a row: a view of it is counted and let go again, which takes longer than what it is for."""
+    """Return a row as a tuple of numbers, since creating and releasing an array view takes longer than reading it."""
     first = rows[k, 0], rows[k, 1], rows[k, 2], rows[k, 3], rows[k, 4]
     return (*first, rows[k, 5], rows[k, 6], rows[k, 7], rows[k, 8], rows[k, 9])
 
 
 @compiled(error_model="numpy")
 def rows_from_eye(things: UprightThings, eye_x_m: float, eye_y_m: float) -> Float32Array:
-    """Return the rows of things with the eye's foot as the origin."""
+    """Return the rows of things, moved so that the eye's foot is the origin."""
     rows = things.rows.astype(np.float32)
     for k in range(len(rows)):
         rows[k, X0] = np.float32(things.rows[k, X0] - eye_x_m)
@@ -59,7 +62,7 @@ def rows_from_eye(things: UprightThings, eye_x_m: float, eye_y_m: float) -> Floa
 
 @compiled(error_model="numpy")
 def foot_circle(row: Float32Array) -> tuple[float, float, float]:
-    """Return a circle in plan, x, y and radius, that a thing lies within."""
+    """Return x, y and radius of a circle on the floor that contains a thing's foot."""
     kind, x, y, radius = row[KIND], float(row[X0]), float(row[Y0]), float(row[RADIUS])
     if kind == SHEET or kind == BAR:
         end_x, end_y = float(row[X1]), float(row[Y1])
@@ -71,11 +74,11 @@ def foot_circle(row: Float32Array) -> tuple[float, float, float]:
 def _meet_cylinder(
     row: ThingRow, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32, lamp: Float32Array
 ) -> tuple[np.float32, np.int32, np.float32]:
-    # without branches, so that the compiler meets several rays at once
+    # without branches, so that the compiler can vectorise over several rays
     x, y, radius, top, bands = row[X0], row[Y0], row[RADIUS], row[HEIGHT], row[BANDS]
     radius2 = radius * radius
     toward, flat2 = dx * x + dy * y, dx * dx + dy * dy
-    # the part across, computed without the difference of large squares
+    # a cross product, which avoids the cancellation of a difference of large squares
     aside = dx * y - dy * x
     root2 = radius2 * flat2 - aside * aside
     t = (toward - np.float32(math.sqrt(max(root2, _ZERO)))) / flat2
@@ -116,7 +119,7 @@ def _meet_bar(
     ax, ay = row[X1] - row[X0], row[Y1] - row[Y0]
     length = np.float32(math.sqrt(ax * ax + ay * ay))
     ax, ay = ax / length, ay / length
-    # in the plane across the axis: ray (across, dz) from the eye, circle at (offset, rise)
+    # in the plane perpendicular to the axis: ray (across, dz) from the eye, circle at (offset, rise)
     across, offset, rise = dy * ax - dx * ay, row[Y0] * ax - row[X0] * ay, row[HEIGHT] - height
     norm2, toward = max(across * across + dz * dz, np.float32(1e-12)), across * offset + dz * rise
     beside, radius = across * rise - dz * offset, row[RADIUS]
@@ -130,7 +133,7 @@ def _meet_bar(
 
 @compiled(error_model="numpy")
 def _is_patch(row: ThingRow, nx: np.float32, ny: np.float32, nz: np.float32) -> bool:
-    """Whether a ball shows a dark patch where its unit normal points: the normal is turned back, about z, y, x."""
+    """Whether a ball has a dark patch at a unit normal; the normal is turned back about z, y, x to the ball's axes."""
     c, s = np.float32(math.cos(row[BANDS])), np.float32(math.sin(row[BANDS]))
     nx, ny = c * nx + s * ny, c * ny - s * nx
     c, s = np.float32(math.cos(row[Y1])), np.float32(math.sin(row[Y1]))
@@ -145,7 +148,7 @@ def _is_patch(row: ThingRow, nx: np.float32, ny: np.float32, nz: np.float32) -> 
 def meet_ball(
     row: ThingRow, dx: np.float32, dy: np.float32, dz: np.float32, height: np.float32, lamp: Float32Array
 ) -> tuple[np.float32, np.int32, np.float32]:
-    """Return where a ray meets a ball, as `meet_thing`; one that misses it has the shade of its rim."""
+    """Return where a ray meets a ball, as `meet_thing`; a ray that misses it gets the shade of the ball's rim."""
     x, y, radius = row[X0], row[Y0], row[RADIUS]
     z = radius - height
     toward, norm2 = dx * x + dy * y + dz * z, dx * dx + dy * dy + dz * dz
@@ -161,7 +164,7 @@ def meet_ball(
 
 @compiled(error_model="numpy", inline="always")
 def meet_box_sides(row: ThingRow, dx: np.float32, dy: np.float32) -> tuple[np.float32, np.float32, np.int32]:
-    """Return where a ray enters and leaves a box in plan, in lengths of its direction, and by which face it enters."""
+    """Return where a ray enters and leaves a box seen from above, in lengths of its direction, and by which face."""
     x, y, c, s = row[X0], row[Y0], row[X1], row[Y1]
     box_x, box_y = x * c + y * s, y * c - x * s
     ray_x, ray_y = dx * c + dy * s, dy * c - dx * s
@@ -199,16 +202,16 @@ def meet_thing(
     height: np.float32,
     lamp: Float32Array,
 ) -> tuple[np.float32, np.int32, np.float32]:
-    """Return where a ray meets a thing: distance in lengths of its direction (huge: never), colour, shade.
+    """Return where a ray meets a thing: distance in lengths of its direction (`_NOTHING`: never), colour, shade.
 
     Parameters
     ----------
     row : (10,) float32, or its numbers
-        Of `UprightThings.rows`, with the eye's foot as the origin.
+        A row of `UprightThings.rows`, with the eye's foot as the origin.
     dx, dy, dz : float32
         Direction of the ray, field axes.
     height : float32
-        Of the eye over the floor, metres.
+        Height of the eye above the floor, metres.
     lamp : (2,) float32
         Unit direction towards the light, field axes.
     """
@@ -235,26 +238,26 @@ def meet_grid(
     depth: Float32Array,
     ids: Int32Array,
 ) -> None:
-    """Meet one thing by part of a grid of rays, and keep what is nearest.
+    """Intersect part of a grid of rays with one thing, and keep the nearest intersections.
 
     Parameters
     ----------
     row : (10,) float32
         As in `meet_thing`.
     first_id : int32
-        Number of the thing's first colour.
+        Id of the thing with its first colour.
     grid : (3, G) float32
-        Directions, row by row.
+        Directions of the rays, row by row.
     part : (int, int, int, int)
         First row, row after the last, first column, column after the last.
     wide : int
-        Rays in a row.
+        Number of rays in a row of the grid.
     height, lamp
         As in `meet_thing`.
     depth : (G,) float32
-        Distance of the nearest thing so far, in lengths of the rays' directions.
+        Distance of the nearest thing so far, in lengths of the rays' directions; updated.
     ids : (G,) int32
-        Its number.
+        Its id; updated.
     """
     kind, dx, dy, dz = row[KIND], grid[0], grid[1], grid[2]
     many = np.uintp(max(part[3] - part[2], 0))

@@ -1,6 +1,6 @@
-"""Connects the world with players or learners: gives each robot its senses, and obeys its commands.
+"""Connects the world with players or learners: it makes each robot's senses and executes its commands.
 
-A player gets `Senses` and nothing else.
+A player receives `Senses` and nothing else.
 """
 
 from __future__ import annotations
@@ -26,43 +26,42 @@ from sim2d.world.referee import RefereeFactory
 from sim2d.world.state import WorldState
 from sim2d.world.world import World, WorldSettings
 
-# one stream of random numbers for each source of chance
+# number of the random stream of each source of randomness
 _WORLD, _SENSOR, _FAULTS, _PLAYERS, _SWAY, _LATENCY, _LIGHT, _CAMERA, _CHANNEL = range(9)
 
 
 class Arena:
-    """A field with robots, as their players meet it.
+    """A field with robots, with the interface of their players.
 
     Parameters
     ----------
     field : Field
         The pitch.
     players : int or None
-        Robots per side; None: as the field's league (`sim2d.match.setups`).
+        Robots per side; None: as in the field's league (`sim2d.match.setups`).
     seed : int
         The same seed gives the same senses for the same commands, bit for bit.
     camera : OmniCamera, PinholeCamera or Rig, optional
-        On every robot; default: that of the field's league.
+        The camera of every robot; by default that of the field's league.
     robot : RobotKind, optional
-        Every robot; default: those of the field's league.
+        The kind of all robots; by default that of the field's league.
     limits : RobotLimits, optional
-        What every robot can do, in place of the kind's.
+        Limits of every robot, in place of the kind's.
     faults : sequence of Fault
         Faults of senses and bodies.
     physics : WorldSettings, optional
-        Of bodies and ball; default: the robots'.
+        Physics of bodies and ball; by default the robots'.
     sensor : Sensor
         Lens and sensor of every camera.
     referee : RefereeFactory, optional
-        Makes who judges; default: the simple rules of `sim2d.world.referee`.
+        Makes the referee; by default that of `sim2d.world.referee`, with simple rules.
     disturbances : Disturbances, optional
-        Of bodies, frames, odometry and light; default: those of robots and camera (`disturbances_for`).
+        Disturbances of bodies, frames, odometry and light; by default those of robots and camera (`disturbances_for`).
 
     Raises
     ------
     ArgumentError
-        If robots, camera and field cannot play (`check_setup`), the seed is negative, or a fault names a robot that is
-        not there.
+        If robots, camera and field do not fit (`check_setup`), the seed is negative, or a fault's robot does not exist.
     """
 
     def __init__(
@@ -124,7 +123,7 @@ class Arena:
         self._player_seeds = np.random.default_rng([seed, _PLAYERS]).integers(2**31, size=len(robots)).tolist()
 
     def _disturb(self, seed: int) -> tuple[list[BodySway], list[LateFrames]]:
-        """Return sways and late frames, none where a disturbance is off; make light drift, and draw true cameras."""
+        """Return sways and late frames, empty if the disturbance is off; set up drifting light and true cameras."""
         on, robots = self.disturbances, range(2 * self.players)
         sways, late = [], []
         if on.sway is not None:
@@ -146,11 +145,11 @@ class Arena:
         return self.world.state
 
     def true_camera(self, index: int) -> Camera:
-        """Return the camera by which a robot's frames are drawn now: no player knows it."""
+        """Return the camera by which a robot's frames are drawn now; players do not know it."""
         return self._true_cameras[index].camera
 
     def knock_s(self, index: int) -> float:
-        """Return when a robot's camera is knocked; infinite: never. No player knows it."""
+        """Return when a robot's camera is knocked; infinite: never. Players do not know it."""
         return self._true_cameras[index].knock_s
 
     def setup(self, index: int) -> PlayerSetup:
@@ -175,9 +174,9 @@ class Arena:
         )
 
     def senses(self) -> tuple[Senses, ...]:
-        """Return what each robot senses now; call it once each control period.
+        """Return the senses of each robot now; call it once each control period.
 
-        The frames are read-only, and nothing else holds them.
+        The frames are read-only and not referenced elsewhere.
         """
         self._apply_body_faults()
         state = self.world.state
@@ -214,7 +213,7 @@ class Arena:
         return tuple(sensed)
 
     def step(self, commands: Mapping[int, Command]) -> WorldState:
-        """Let each robot obey its command for one control period, and send its message; return the truth after it."""
+        """Execute the robots' commands for one control period and send their messages; return the truth afterwards."""
         for index, command in commands.items():
             if command.message is not None:
                 side, number = divmod(index, self.players)

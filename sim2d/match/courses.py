@@ -1,6 +1,6 @@
-"""Random obstacle courses with a target behind, and drives through them by camera, localisation and steering.
+"""Random obstacle courses, and drives through them by camera, localisation and steering.
 
-A planner with the truth decides whether a course has a route. The robot gets frames only.
+Whether a course has a route is decided by the truth. The robot receives only frames and odometry.
 """
 
 from __future__ import annotations
@@ -32,25 +32,24 @@ from sim2d.world.world import World
 
 CUBES = (5, 10)
 ARRIVED_M = 0.05
-# cell of the planner's grid; clearance that a route must have
+# cell of the grid on which a route is searched; clearance that a route must have
 _GRID_M, ROUTE_CLEARANCE_M = 0.005, 0.03
-# room between a course's cubes and around its start and its goal
+# smallest clearance of the robot at start and goal
 _ROOM_M = 0.05
 _TRIES = 10_000
 
 
 @dataclass(frozen=True, slots=True)
 class FloorPerception:
-    """How a drive sees the floor, and what it remembers of it."""
+    """How a drive measures the floor, and whether it remembers it."""
 
-    #: Cells of the free space. The default ones hold a few samples each, and are less than a centimetre deep close to
-    #: the robot.
+    #: Cells of the free space. By default each contains a few samples, and is below 1 cm deep close to the robot.
     directions: int = 64
     rings: int = 60
     #: As in `Vision`.
     free_ratio: float = FREE_RATIO
-    #: Steady the free space from frame to frame, and find the way by what was seen before. False: each frame stands for
-    #: itself, and the target is headed for as it lies.
+    #: Filter the free space over frames, and find the way with a `Wayfinder`. False: each frame is used alone, and the
+    #: robot heads straight for the target.
     remembers: bool = True
 
 
@@ -60,18 +59,18 @@ PRINTED_PERCEPTION = FloorPerception(32, 6, 0.8, remembers=False)
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Where to go, and what stands in the way."""
+    """An obstacle course: start, goal and obstacles."""
 
     field: Field
-    #: What stands on it.
+    #: Obstacles.
     boxes: tuple[Box, ...]
-    #: The robot at the beginning.
+    #: Pose of the robot at the beginning.
     start: Pose2
-    #: Where it shall go, field frame, metres.
+    #: Place to reach, field frame, metres.
     goal: Point
 
     def has_route(self, radius_m: float, clearance_m: float = ROUTE_CLEARANCE_M) -> bool:
-        """Whether a disc of this radius can get from start to goal with this clearance, as the truth has it."""
+        """Return whether a disc of this radius can get from start to goal with this clearance."""
         low, high = self.field.floor_polygon.min(axis=0), self.field.floor_polygon.max(axis=0)
 
         def cells(points_m: FloatArray) -> npt.NDArray[np.int32]:
@@ -108,7 +107,7 @@ def cube_course(field: Field, radius_m: float, rng: np.random.Generator) -> Cour
 
 
 def pocket_course(field: Field, radius_m: float, rng: np.random.Generator) -> Course:
-    """Draw a course whose straight way leads into a pocket: three walls in the shape of a U; a route need not exist."""
+    """Draw a course whose straight way leads into a dead end of three walls (a U); a route need not exist."""
     start, goal = _ends(field, radius_m, rng, 0.25)
     thick_m, room_m = 0.06, 2 * (radius_m + _ROOM_M)
     mouth_m = float(rng.uniform(1.5 * room_m, 2.4 * room_m))
@@ -135,7 +134,7 @@ def _ends(field: Field, radius_m: float, rng: np.random.Generator, spread: float
 
 
 class Decision(Protocol):
-    """What a pilot decides."""
+    """A pilot's decision."""
 
     @property
     def velocity_mps(self) -> FloatArray:
@@ -143,7 +142,7 @@ class Decision(Protocol):
 
 
 class Pilot(Protocol):
-    """What takes a robot where it shall head next; `Steering` is one."""
+    """Steers a robot towards a target; `Steering` is one."""
 
     def steer(
         self,
@@ -153,12 +152,12 @@ class Pilot(Protocol):
         target_distance_m: float,
         pending_mps: Sequence[float],
     ) -> Decision:
-        """Choose the next velocity from what is seen."""
+        """Choose the next velocity by the free space."""
 
 
 @dataclass(frozen=True, slots=True)
 class Drive:
-    """A course driven: whether anything was touched, seconds to the goal (None: not reached), least clearance (m)."""
+    """The result of a drive: whether anything was touched, time to the goal (None: not reached), least clearance."""
 
     collided: bool
     seconds: float | None
@@ -166,7 +165,7 @@ class Drive:
 
 
 def nearest_seen_m(field: Field, camera: OmniCamera) -> float:
-    """Range of the nearest floor that a drive's cells show: what is nearer than that must count as touched."""
+    """Return the range of the nearest floor that a drive's cells show; nearer obstacles must count as touched."""
     return float(
         Vision(
             field, camera, directions=FloorPerception().directions, rings=FloorPerception().rings
@@ -185,20 +184,20 @@ def drive_course(
     perception: FloorPerception = FloorPerception(),
     watch: Callable[[Pose2], None] | None = None,
 ) -> Drive:
-    """Drive a course by what the camera shows, until the goal, a collision, or the end of patience.
+    """Drive a course by the camera's frames, until the goal, a collision, or the time limit.
 
-    A `Wayfinder` finds the way for any pilot that remembers.
+    With `perception.remembers` a `Wayfinder` finds the way.
 
     Parameters
     ----------
     course : Course
-        With `course.start` clear of everything.
+        `course.start` must be clear of obstacles.
     pilot : Pilot
-        Steers to a target direction 30 times a second; a new one for each course.
+        Steers to a target direction 30 times per second; a new one for each course.
     patience_s : float
         Longest drive, seconds.
     watch : callable, optional
-        Is shown the true pose before every decision.
+        Called with the true pose before every decision.
     """
     world = World.course(course.field, course.boxes, [course.start], limits, rng)
     eye = MatchCamera(course.field, camera, limits, rng, boxes=course.boxes)

@@ -1,4 +1,4 @@
-"""What disturbs the robots of a match: sway, late frames, slip, drifting light, a slow shutter, wrong camera files."""
+"""Disturbances of a match's robots: sway, late frames, slip, drifting light, a slow shutter, wrong camera files."""
 
 from __future__ import annotations
 
@@ -19,22 +19,23 @@ from sim2d.world.robot_spec import BodySettings
 
 @dataclass(frozen=True, slots=True)
 class Slip:
-    """How much worse odometry is than by `BodySettings`."""
+    """Errors of odometry, larger than in `BodySettings`."""
 
-    #: Systematic error of the odometry's way and turn, drawn once a robot: legs are 10 % off at two of these.
+    #: Standard deviation of the odometry's systematic errors of distance and angle, drawn once per robot: at two
+    #: standard deviations legs are 10 % off.
     gain_std: float = 0.05
     #: As in `BodySettings`.
     slip_part: float = 0.1
     slip_turn_rad_per_m: float = 0.1
 
     def of(self, body: BodySettings) -> BodySettings:
-        """Return a body that slips so."""
+        """Return a body with this slip."""
         return replace(
             body, gain_std=self.gain_std, slip_part=self.slip_part, slip_turn_rad_per_m=self.slip_turn_rad_per_m
         )
 
 
-# what a disturbance is where it is switched on by its name
+# default settings of a disturbance that is switched on by its name
 _USUAL: dict[str, Any] = {
     "sway": WHEELS_SWAY,
     "latency": LatencySettings(),
@@ -70,12 +71,12 @@ class Disturbances:
     messages: ChannelSettings | None = None
 
     def only(self, names: Iterable[str]) -> Disturbances:
-        """Return those of some names (`NAMES`) alone; of one that is off here, with its default values.
+        """Return only the disturbances with some names (`NAMES`); one that is off here gets its default settings.
 
         Raises
         ------
         ArgumentError
-            If there is none of a name.
+            If there is no disturbance with a name.
         """
         wanted = set(names)
         for name in sorted(wanted - set(NAMES)):
@@ -84,7 +85,7 @@ class Disturbances:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of those that are on."""
+        """Names of the disturbances that are on."""
         return tuple(name for name in NAMES if getattr(self, name) is not None)
 
 
@@ -102,7 +103,7 @@ LEGS = replace(WHEELS, sway=LEGS_SWAY, slip=Slip())
 
 
 def disturbances_for(robot: RobotKind, camera: Camera, rig: Rig | None = None) -> Disturbances:
-    """Return those of a kind of robot, legs or wheels; of bodies and messages alone with a mirror camera or a rig."""
+    """Return those for a robot on legs or wheels; with a mirror camera or a rig only those of bodies and messages."""
     if rig is not None or isinstance(camera, OmniCamera):
         return MIRRORS_ON_LEGS if robot.has_legs else MIRRORS_ON_WHEELS
     return LEGS if robot.has_legs else WHEELS

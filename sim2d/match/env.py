@@ -54,24 +54,24 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
 
     Observations are a `Dict`, always with
 
-    - ``odometry``: Box (3,), motion since the observation before, in the robot frame of then: m, m, rad.
+    - ``odometry``: Box (3,), motion since the observation before, in the robot frame at that time: m, m, rad.
     - ``ball_in_mouth``: Discrete(2), the light barrier.
-    - ``kick_off``: Discrete(3), 0 play goes on, 1 own side kicks off, 2 the other does.
+    - ``kick_off``: Discrete(3), 0: the ball is in play; 1: the own side kicks off; 2: the other side does.
 
-    as images (``observation="image"``) with
+    with ``observation="image"`` also
 
     - ``frame``: Box (H, W, 3) uint8, BGR; black if none came.
     - ``is_fresh``: Discrete(2), whether a frame came.
     - ``frame_pan_rad``: Box (1,), pan of the head when the frame was exposed, rad, 0 if none came; only with a pinhole
       camera.
 
-    as percepts (``observation="percepts"``, mirror cameras only) with the estimates of `Vision` and `PoseFilter` from
-    the frames and the odometry, never the truth:
+    with ``observation="percepts"`` (mirror cameras only) the estimates of `Vision` and `PoseFilter` from frames and
+    odometry, never the truth:
 
     - ``located``: Discrete(2), whether there is an estimated pose.
     - ``pose``: Box (4,), x m, y m, cos, sin of the estimated pose, in the side's own frame: x towards the goal it
       attacks. Zeros without an estimate.
-    - ``free_range_m``: Box (80,), free range in metres in 80 directions, from the back round counter-clockwise.
+    - ``free_range_m``: Box (80,), free range in metres in 80 directions, counter-clockwise, starting at the back.
     - ``ball_seen``: Discrete(2), whether the last frame showed the ball.
     - ``ball_m``: Box (2,), the ball in the robot frame: forward m, left m. Zeros if it was not seen.
 
@@ -82,7 +82,7 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
     players, camera, robot, faults
         As in `Arena`, in every match.
     limits : RobotLimits, optional
-        What every robot can do, in place of the kind's; bounds the actions.
+        Limits of every robot, in place of the kind's; they bound the actions.
     seconds : float
         Length of a match.
     observation : {"image", "percepts"}
@@ -151,7 +151,7 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
-        """Begin a match; the same seed begins the same one, and without a seed the next of a series does."""
+        """Begin a match. The same seed gives the same match; without one, the next match of the series begins."""
         if seed is not None:
             self._rng = np.random.default_rng(seed)
         self._arena = Arena(
@@ -163,8 +163,8 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
             faults=self._faults,
             disturbances=NONE,
         )
-        for eyes in self._percepts.values():
-            eyes.forget()
+        for percepts in self._percepts.values():
+            percepts.forget()
         self.agents = list(self.possible_agents)
         self._step = 0
         state = self._arena.state
@@ -215,10 +215,10 @@ class MatchEnv(ParallelEnv):  # type: ignore[misc]
         return np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2RGB), dtype=np.uint8)
 
     def state(self) -> npt.NDArray[np.float32]:
-        """Return the truth, (14 players + 4,) float32, for critics that may have it.
+        """Return the truth for centralised critics, field frame; with P players a side (14 P + 4,) float32.
 
-        Of each robot x m, y m, cos, sin, velocity x and y m/s, turn rad/s; then the ball's x m, y m and velocity m/s;
-        field frame.
+        For each of the 2 P robots x m, y m, cos, sin, velocity x and y m/s, turn rad/s; then the ball's x m, y m and
+        velocity x and y m/s.
         """
         state = self._begun().state
         values: list[float] = []
@@ -314,7 +314,7 @@ class _Percepts:
         self._ball_m: tuple[float, float] | None = None
 
     def look(self, senses: Senses, attacks_plus: bool) -> Observation:
-        """Return what is known after these senses; without a frame, the last one's floor and ball."""
+        """Return the percepts after these senses; without a frame, floor and ball are those of the last one."""
         self._memory.predict(senses.odometry, senses.t_s)
         if senses.frame is not None and senses.frame_t_s is not None:
             view = self._vision.look(senses.frame, senses.frame_t_s)
@@ -339,7 +339,7 @@ def _box(low: Sequence[float], high: Sequence[float]) -> spaces.Box:
 
 
 def _fitted(space: spaces.Space[Any], value: Any) -> Any:
-    """Bring a value into its space's type and bounds, beyond which no robot gets but by force."""
+    """Convert a value to its space's type and clip it to the bounds, which only a pushed robot exceeds."""
     if isinstance(space, spaces.Box) and space.dtype == np.float32:
         return np.clip(np.asarray(value, dtype=np.float32), space.low, space.high)
     return value
@@ -359,7 +359,7 @@ def _values(agent: str, action: Action, key: str, count: int) -> list[float]:
     Raises
     ------
     ArgumentError
-        If it is missing, or of another shape.
+        If the part is missing, or of another shape.
     """
     if not isinstance(action, Mapping) or key not in action:
         got = ", ".join(map(str, action)) if isinstance(action, Mapping) else type(action).__name__

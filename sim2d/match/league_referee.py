@@ -1,7 +1,7 @@
 """The small-size league's rules of a match: stops, kick-offs, free kicks, penalties, ball placement, fouls, cards.
 
-An automatic referee that knows the truth. It speaks as the league's game controller does, in commands; what they mean
-to a player is the `phase`. Rules of division B, as far as robots without people need them.
+This automatic referee knows the truth. Like the league's game controller, it gives commands; `phase` is what a command
+means to a player. It holds the rules of division B, apart from those about people.
 """
 
 from __future__ import annotations
@@ -32,43 +32,43 @@ Stage = Literal["first_half", "half_time", "second_half", "post_game"]
 
 
 _HALF_TIME_S = 5.0
-# The match begins with a halt of so long; a stop takes at least so long, and after so much of it a person puts the
-# ball where it belongs, if no team does. Chosen so that all have noticed.
+# The duration of the halt at the beginning, the shortest duration of a stop, and the time into a stop at which a person
+# places the ball if no team does. All are long enough for every robot to have received the command.
 _BEGIN_S = 1.0
 _STOP_S = 3.0
 _BY_HAND_S = 0.5
-# A kick-off or penalty is prepared for at least so long, and at most.
+# The shortest and the longest time for preparing a kick-off or penalty.
 _PREPARE_S = 2.0
 _MAX_PREPARE_S = 10.0
-# A team has so long to place the ball.
+# The longest time of a ball placement.
 _PLACE_S = 30.0
-# A ball is placed that lies so near to its place, with the placing team's robots so far away: less where the same
-# team kicks it then.
+# A ball is placed if it lies within the first distance of its place and the placing team's robots are farther from it
+# than the second distance, or the third where the same team kicks the ball next.
 _PLACED_M = 0.15
-_LEFT_M = 0.5
-_LEFT_KICKER_M = 0.05
-# A ball in play that stays within this for so long stops the game.
+_CLEARANCE_M = 0.5
+_CLEARANCE_OF_KICKER_M = 0.05
+# The game is stopped when a ball in play has stayed within this radius for this time.
 _STILL_M = 0.05
 _STILL_S = 10.0
-# A kicked ball is in play once it has moved so far.
+# A kicked ball is in play once it has moved this far.
 _IN_PLAY_M = 0.05
-# Robots may drive so fast in a stop, and have so long to slow down, and to make room for a ball that is placed.
+# The highest speed of robots in a stop, and the time they have to slow down or to leave a ball that is being placed.
 _STOP_MPS = 1.5
 _STOP_GRACE_S = 2.0
-# Between robots and the ball in a stop and at the other team's kicks.
+# The smallest distance of a robot's hull from the ball in a stop and at the other team's kicks.
 _BALL_ROOM_M = 0.5
 # A faster kick is a foul.
 _BALL_MPS = 6.5
-# A ball so near to a robot's hull touches it: what a ball moves between two looks at it.
+# A ball within this distance of a robot's hull touches it: the ball moves about so far between two calls of `judge`.
 _TOUCH_M = 0.012
-# So many fouls are a yellow card; a robot less plays for so long.
+# The number of fouls that gives a yellow card, and the time for which the team then plays with one robot less.
 _FOULS_A_CARD = 3
 _CARD_S = 120.0
 
 
 @dataclass(frozen=True, slots=True)
 class Foul:
-    """One foul: when, which side, which robot (by its number), what."""
+    """One foul: its time, the side and number of the robot, and its kind."""
 
     t_s: float
     side: int
@@ -77,7 +77,7 @@ class Foul:
 
 
 def league_referee(field: Field, limits: RobotLimits) -> LeagueReferee:
-    """Return who judges a match by the league's rules: a `sim2d.world.referee.RefereeFactory`."""
+    """Return a referee by the league's rules; this function is a `sim2d.world.referee.RefereeFactory`."""
     return LeagueReferee(field, limits.radius_m)
 
 
@@ -87,22 +87,22 @@ class LeagueReferee:
     Parameters
     ----------
     half_s : float
-        Length of a half; infinite: the match has but one.
+        Length of a half; infinite: the match has only one.
 
     Attributes
     ----------
     command, command_side, command_counter, command_s : str, int, int, float
-        What was commanded last, whose turn it is (0: nobody's), how many commands there were, and when.
+        The last command, the side whose turn it is (0: neither), the number of commands so far, and the command's time.
     stage, stage_end_s : str, float
-        Which part of the match, and when it ends.
+        The part of the match, and when it ends.
     placement_m : (float, float) or None
-        Where the ball shall be placed.
+        Where the ball is to be placed, field frame.
     fouls : list of Foul
-        All so far.
+        All fouls so far.
     cards : dict of int to list of float
-        When each side's yellow cards end.
+        Times at which yellow cards end, by side.
     placement_failures : dict of int to int
-        How often each side has not placed the ball.
+        Number of failures to place the ball, by side.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class LeagueReferee:
         half_s: float = 300.0,
     ) -> None:
         self._field, self._radius_m, self._half_s = field, robot_radius_m, half_s
-        # who has a kick must take it within so long
+        # the longest time for taking a kick
         self._kick_s = kick_time_s(field)
         self.keepers = {1: 0, -1: 0}
         self._rules = PitchRules(field, robot_radius_m)
@@ -129,7 +129,8 @@ class LeagueReferee:
         self._next = NextPlay("kick_off", 1, (0.0, 0.0))
         self._kick_from: Point | None = None
         self._kind: Restart = "kick_off"
-        # by side and number: who touches the ball now, who did last, who kicked it off and may not touch it again
+        # each a robot's side and number: it touches the ball now; it touched it last; it took the kick and may not
+        # touch the ball again before another robot does
         self._touching: tuple[int, int] | None = None
         self._last: tuple[int, int] | None = None
         self._kicker: tuple[int, int] | None = None
@@ -140,7 +141,7 @@ class LeagueReferee:
 
     @property
     def kick_off_side(self) -> int:
-        """Whose turn it is."""
+        """The side whose turn it is."""
         return self.command_side
 
     @property
@@ -158,11 +159,11 @@ class LeagueReferee:
 
     @property
     def next_play(self) -> NextPlay | None:
-        """What comes after this stop or placement; None while there is none."""
+        """The restart that follows this stop or placement; None under other commands."""
         return self._next if self.command in ("stop", "ball_placement") else None
 
     def action_left_s(self, t_s: float) -> float | None:
-        """Return how long the kick, the placement or its preparation may take yet; None where no time runs."""
+        """Return the time left for the kick, the placement or the preparation; None if there is no time limit."""
         if self.command == "ball_placement":
             allowed_s = _PLACE_S
         elif self.command in ("prepare_kick_off", "prepare_penalty"):
@@ -178,7 +179,7 @@ class LeagueReferee:
         return max(players - len(self.cards[side]), 0)
 
     def halt(self, t_s: float, ball: BallState) -> None:
-        """Halt the game, as a person may at any time; it goes on where it was, for everybody."""
+        """Halt the game, as a person may at any time; it goes on by a forced start at the ball's place."""
         self._stop(t_s, NextPlay("force_start", 0, self._rules.legal_place((ball.x_m, ball.y_m))))
         self._give("halt", 0, t_s)
 
@@ -193,16 +194,16 @@ class LeagueReferee:
         *,
         is_in_play: bool = False,
     ) -> None:
-        """Take over what another referee has commanded, so that `judge` sees what happens under it.
+        """Take over the command of another referee, so that `judge` applies the rules that hold under it.
 
         Parameters
         ----------
         ball : BallState
-            Where a kick begins.
+            The ball now, from whose place a kick is taken.
         coming : NextPlay, optional
-            What comes after a stop or placement.
+            The restart after a stop or placement.
         kind : str
-            What a kick is: a kick-off, a free kick or a penalty.
+            The kind of a kick: a kick-off, a free kick or a penalty.
         is_in_play : bool
             Whether the ball has been kicked since.
         """
@@ -218,11 +219,11 @@ class LeagueReferee:
 
     @property
     def last_touch(self) -> tuple[int, int] | None:
-        """Side and number of who touched the ball last since it is in play."""
+        """Side and number of the robot that touched the ball last since the restart; None: none has."""
         return self._last
 
     def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
-        """Return the rulings of a moment: what happened, and where the ball is put."""
+        """Return the rulings at time `t_s`: what happened, and where the ball is put."""
         self.cards = {side: [end for end in ends if end > t_s] for side, ends in self.cards.items()}
         waited = t_s - self.command_s
         if self.stage != "post_game" and t_s >= self.stage_end_s and self.command == "stop":
@@ -260,7 +261,7 @@ class LeagueReferee:
         if scored:
             self.score[scored] += 1
             self._stop(t_s, NextPlay("kick_off", -scored, (0.0, 0.0)))
-            # no robot gets a ball out of a goal
+            # robots cannot get a ball out of a goal
             self._is_moved_by_hand = True
             return [Ruling(Event(t_s, "goal", side=scored))]
         if self._rules.is_out(ball):
@@ -294,7 +295,7 @@ class LeagueReferee:
         kind, side, place = self._next
         if math.dist(place, (ball.x_m, ball.y_m)) > _PLACED_M or abs(ball.vx_mps) + abs(ball.vy_mps) > 0.1:
             if kind == "force_start":
-                # somebody has moved it since it was put there
+                # a robot has moved it since it was put there
                 self._stop(t_s, self._next)
                 return []
             self.placement_m = place
@@ -305,7 +306,7 @@ class LeagueReferee:
     def _while_placing(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
         place = self._next.place_m
         lies = math.dist(place, (ball.x_m, ball.y_m)) < _PLACED_M and math.hypot(ball.vx_mps, ball.vy_mps) < 0.05
-        room_m = _LEFT_KICKER_M if self._next.kind == "free_kick" else _LEFT_M
+        room_m = _CLEARANCE_OF_KICKER_M if self._next.kind == "free_kick" else _CLEARANCE_M
         left = all(
             math.dist((robot.pose.x_m, robot.pose.y_m), (ball.x_m, ball.y_m)) - self._radius_m > room_m
             for robot in robots
@@ -336,7 +337,7 @@ class LeagueReferee:
 
     def _stop(self, t_s: float, restart: NextPlay) -> None:
         self._next, self._kick_from, self.placement_m = restart, None, None
-        # a ball that is nobody's turn is put by a person, before anybody must keep away from it
+        # before a forced start no team places the ball: a person does, early in the stop
         self._is_moved_by_hand |= restart.kind == "force_start"
         self._noted.clear()
         self._near_since_s.clear()
@@ -366,11 +367,11 @@ class LeagueReferee:
             return
         self._touching = self._last = side, number
         if self._kicker is not None and self._kicker != self._last:
-            # another robot has touched it: the kicker may again
+            # another robot has touched the ball: the kicker may touch it again
             self._kicker = None
 
     def _watch_touches(self, t_s: float, ball: BallState) -> None:
-        """Stop the game for a foul at the ball."""
+        """Stop the game if the last touch of the ball is a foul."""
         if self._last is not None and math.hypot(ball.vx_mps, ball.vy_mps) > _BALL_MPS:
             self._foul(t_s, *self._last, "fast_ball", ball)
             return
@@ -388,7 +389,7 @@ class LeagueReferee:
             self._foul(t_s, side, number, "their_area", ball)
 
     def _watch_room(self, t_s: float, robots: Sequence[RobotState], ball: BallState, sides: tuple[int, ...]) -> None:
-        """Note robots that are too near to the ball or, in a stop, too fast."""
+        """Count fouls of robots that are too near to the ball or, in a stop, too fast."""
         if t_s - self.command_s < _STOP_GRACE_S:
             return
         for robot in robots:
@@ -404,7 +405,7 @@ class LeagueReferee:
                 self._note(t_s, robot.side, robot.number, "fast_in_stop")
 
     def _is_in_the_way(self, key: tuple[int, int], t_s: float) -> bool:
-        """Whether a robot has stayed near a ball that is being placed: who makes room in time may."""
+        """Whether a robot has stayed near a ball that is being placed for longer than the grace period."""
         return t_s - self._near_since_s.setdefault(key, t_s) > _STOP_GRACE_S
 
     def _foul(self, t_s: float, side: int, number: int, kind: FoulKind, ball: BallState) -> None:
@@ -413,7 +414,7 @@ class LeagueReferee:
         self._touching = self._last = self._kicker = None
 
     def _note(self, t_s: float, side: int, number: int, kind: FoulKind) -> None:
-        """Count a foul; once a stop for each robot."""
+        """Count a foul, each kind once per robot and stop."""
         if (side, number, kind) in self._noted:
             return
         self._noted.add((side, number, kind))

@@ -1,4 +1,4 @@
-"""Robots of a simulated match as a source of `robocup-vision live`: what each sees by itself, and the truth.
+"""Robots of a simulated match as a source of `robocup-vision live`: each robot's own view, and the truth.
 
 Registered as the kind `sim`: ``sim:FIELD[,players=N][,seed=S][,robots=0+1][,ours=NAME][,theirs=NAME]``.
 """
@@ -31,14 +31,14 @@ def open_match(text: str, options: SourceOptions) -> MatchSource:
     Parameters
     ----------
     text : str
-        A field, then ``,key=value`` for any of the keys above.
+        A field, then any of the module's options as ``,key=value``.
     options : SourceOptions
-        The camera is put on every robot. The robots' own players see; the other options say nothing to them.
+        The camera is put on every robot. Players look by themselves, so other options are refused.
 
     Raises
     ------
     ArgumentError
-        If the text or an option says something that a match has not.
+        If the text or an option does not apply to a match.
     """
     field, *pairs = text.split(",")
     chosen: dict[str, str] = {}
@@ -72,7 +72,7 @@ class MatchSource(PlacingSource):
     Parameters
     ----------
     robots : sequence of int
-        Indices of those that are shown.
+        Indices of the robots that are shown.
     """
 
     waits = True
@@ -87,22 +87,22 @@ class MatchSource(PlacingSource):
         )
 
     def make_vision(self, setup: RobotSetup) -> Vision | None:
-        """Return nothing: players look themselves."""
+        """Return None: players look by themselves."""
         return None
 
     def read(self, timeout_s: float) -> tuple[SourceFrame, ...] | None:
-        """Play one control period, and return what the shown robots saw in it."""
+        """Play one control period, and return the frames of the shown robots."""
         moment = self._match.step()
         frames = (self._frame(moment, index) for index in self._robots)
         return tuple(frame for frame in frames if frame is not None)
 
     def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
-        """Put a robot or the ball elsewhere, at rest: no robot's odometry measures that.
+        """Put a robot or the ball elsewhere, at rest; odometry does not measure this motion.
 
         Raises
         ------
         ArgumentError
-            If there is no such thing, the place is off the floor, or the rules hold the ball.
+            If there is no such thing, the place is off the floor, or the ball is held for a kick-off.
         """
         arena = self._match.arena
         end_x_m, end_y_m = np.abs(arena.field.floor_polygon).max(axis=0)
@@ -130,7 +130,7 @@ class MatchSource(PlacingSource):
         if view is not None and view.t_s != frame_t_s:
             # the player has not looked at this frame
             view = None
-        # of several cameras the page shows the first
+        # the page shows only the first camera of a rig
         view = view.of_camera(0) if isinstance(view, RigView) else view
         return SourceFrame(
             _name(index),

@@ -1,4 +1,4 @@
-"""Plays a match: in every control period each player gets its robot's senses, and nothing else, and returns a command.
+"""Plays a match: in every control period each player gets only its robot's senses and returns a command.
 
 A player that fails is stopped; the match goes on.
 """
@@ -62,19 +62,19 @@ class Seat:
         )
 
     def _stop(self, error: BaseException) -> None:
-        # the error itself holds on to the player and all it has seen
+        # only the text is kept: the error's traceback would keep the player and its frames in memory
         text = " ".join(f"{type(error).__name__}: {error}".split())
         self._stopped = text[:_REASON_LETTERS]
         self._player = None
 
 
 def _checked(command: object) -> Command:
-    """Return a command of plain finite numbers.
+    """Return a command with its values as plain Python numbers.
 
     Raises
     ------
     TypeError, ArgumentError
-        If it is no command, or no robot can take it.
+        If it is not a command, or not one that a robot can carry out.
     """
     if not isinstance(command, Command):
         raise TypeError(f"the command is a {type(command).__name__}, no Command")
@@ -113,7 +113,7 @@ class Match:
     field, players, camera, robot, limits, faults, physics, sensor, referee, disturbances
         As in `Arena`.
     keeps_figures : bool
-        Count what `figures` tells: each control period takes some memory.
+        Whether to collect what `figures` returns; this takes some memory for each control period.
 
     Raises
     ------
@@ -172,16 +172,16 @@ class Match:
         return moment
 
     def play(self, seconds: float) -> Iterator[Moment]:
-        """Play on for so long, yielding each control period."""
+        """Play on for a time, and yield the moment of each control period."""
         for _ in range(periods(seconds)):
             yield self.step()
 
     @property
     def figures(self) -> MatchFigures:
-        """The figures so far, where they are kept."""
+        """The figures so far, if they are kept."""
         return self._log.figures
 
 
 def periods(seconds: float) -> int:
-    """Return how many control periods so many seconds are."""
+    """Return the number of control periods that cover a time."""
     return math.ceil(seconds / CONTROL_PERIOD_S - 1e-6)

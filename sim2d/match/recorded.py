@@ -1,6 +1,6 @@
-"""Recordings of the robots of a match: what each player got and gave, and the truth beside it; and their replay.
+"""Recordings of the robots of a match, with the inputs and outputs of each player and the truth; and their replay.
 
-A replay makes the same player again and hands it the recorded senses: it does the same, bit for bit.
+A replay makes the same player again and passes it the recorded senses; its commands are the same, bit for bit.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ _INPUTS = tuple(field.name for field in dataclasses.fields(Senses) if field.name
 
 
 class MatchRecorders:
-    """Writes one recording a robot; needs the extra `ros`.
+    """Writes a recording for each robot; needs the extra `ros`.
 
     Parameters
     ----------
     folder : Path
-        Where the files go: robot_0.mcap and so on.
+        Folder of the files robot_0.mcap and so on.
     players : (str, str)
         Names of the players of both sides, the one that attacks +x first.
 
@@ -61,7 +61,7 @@ class MatchRecorders:
 
     @property
     def paths(self) -> tuple[Path, ...]:
-        """The files."""
+        """Paths of the files."""
         return tuple(writer.path for writer in self._writers)
 
     def add(self, moment: Moment) -> None:
@@ -70,7 +70,7 @@ class MatchRecorders:
             writer.add(robot, moment, index)
 
     def close(self) -> None:
-        """Write what waits, and close the files."""
+        """Write the remaining calls, and close the files."""
         for writer in self._writers:
             writer.close()
 
@@ -85,7 +85,7 @@ class _RobotRecorder:
     def add(self, robot: RobotMoment, moment: Moment, index: int) -> None:
         senses, status, command, topics = robot.senses, robot.status, robot.command, self._calls.topics
         inputs = {name: getattr(senses, name) for name in _INPUTS}
-        # a player that is given no frame, or the same once more, has no new view
+        # a player without a new frame has no new view
         view = None if status.view is self._view else status.view
         self._view = status.view
         frame_s = senses.t_s if senses.frame_t_s is None else senses.frame_t_s
@@ -106,7 +106,7 @@ class _RobotRecorder:
 
 
 def _outputs(command: Command, status: PlayerStatus, view: View | None) -> dict[str, Any]:
-    """Return what a player gave; the digest of its view, too, where it has looked."""
+    """Return a player's outputs, with the digest of its view if that is new."""
     return {
         "pose": None if view is None else view.pose,
         "ball": None if view is None else view.ball,
@@ -133,7 +133,7 @@ class PlayerLoopKind:
         Raises
         ------
         ArgumentError
-            If another method, other colours or another memory is asked for: a player has its own.
+            If method, colours or memory are to be changed: a player has its own.
         RobocupVisionError
             If the player is not built in.
         """
@@ -148,7 +148,7 @@ class PlayerLoopKind:
         return _PlayerLoop(Seat(player_factory(str(run.setup["player"])), setup))
 
     def frame_step(self, kind: str, inputs: Mapping[str, Any]) -> FrameStep:
-        """Return the results of a call for a frame; see `LoopKind`."""
+        """Return what a call says of a frame; see `LoopKind`."""
         looks = inputs["frame_t_s"] is not None
         mounting = mounting_of(inputs["frame_pan_rad"])
         return FrameStep(looks, inputs["frame_t_s"], inputs["odometry"], None, mounting)

@@ -31,26 +31,26 @@ OUTPUT_NAMES = ("match.json", "match.webm", "report.html", "robot_*.mcap")
 
 @dataclass(frozen=True, slots=True)
 class MatchPlan:
-    """A match that is to be played; may be sent to another process.
+    """The description of a match to play; can be pickled.
 
     Parameters
     ----------
     field : str
-        Built-in field's name, or a field file.
+        Name of a built-in field, or a field file.
     seconds : float
-        How long.
+        Length of the match.
     seed : int
         The same plan gives the same match.json, byte for byte.
     ours, theirs : PlayerFactory
         As in `Match`; `sim2d.players.catalog.BuiltInTeam` makes built-in players with options and settings.
     camera : OmniCamera, PinholeCamera, Rig or str, optional
-        On every robot, or its name (`sim2d.match.setups.CAMERAS`) or file; default: that of the field's league.
+        Camera or rig of every robot, or its name (`sim2d.match.setups.CAMERAS`) or file; default: the field's league's.
     robot : RobotKind or str, optional
-        Every robot, or its name (`sim2d.match.setups.ROBOTS`); default: those of the field's league.
+        Kind of all robots, or its name (`sim2d.match.setups.ROBOTS`); by default that of the field's league.
     players, faults, disturbances
         As in `Arena`.
     referee : RefereeFactory, optional
-        As in `Arena`; one that listens to a game controller cannot be sent to another process.
+        As in `Arena`; one that listens to a game controller cannot be pickled.
     """
 
     field: str = "ssl_2001"
@@ -77,7 +77,7 @@ class MatchPlan:
         return setup_for(load_field(self.field), players=self.players, camera=self.camera, robot=self.robot)
 
     def begin(self) -> Match:
-        """Set the match up.
+        """Set up the match.
 
         Raises
         ------
@@ -103,7 +103,7 @@ class MatchPlan:
 
 @dataclass(frozen=True, slots=True)
 class MatchSummary:
-    """Result of a match: figures, folder of its files, video and report (None: not written), notes, recordings."""
+    """The result of a match: figures, folder of its files, video and report (None: not written), notes, recordings."""
 
     figures: MatchFigures
     out: Path
@@ -116,26 +116,26 @@ class MatchSummary:
 def run_match(
     plan: MatchPlan, out: str | Path, *, realtime: bool = False, record: bool = False, force: bool = False
 ) -> MatchSummary:
-    """Play a match and write its files; a match that fails or is interrupted leaves the folder as it was.
+    """Play a match and write its files; a match that fails or is interrupted does not change the folder.
 
     Parameters
     ----------
     plan : MatchPlan
-        What is played.
+        The match.
     out : str or Path
         Folder for match.json, match.webm and report.html; made if missing. Files of an earlier match are replaced, its
         recordings deleted.
     realtime : bool
-        Play no faster than a clock; default: as fast as it goes.
+        Play in real time; by default as fast as possible.
     record : bool
         Write a recording of each robot, robot_0.mcap and so on; needs the extra `ros`.
     force : bool
-        Go on where the folder holds other files, too, and keep them.
+        Also write to a folder that holds other files, which are kept.
 
     Raises
     ------
     ArgumentError, FileError
-        If the plan cannot be played, the folder holds files of others, or the files cannot be written.
+        If the plan cannot be played, the files cannot be written, or the folder holds others and `force` is not set.
     """
     out = Path(out)
     if not force:

@@ -1,4 +1,4 @@
-"""What a match on each field is played with: players per side, camera and robots, in one table."""
+"""The set-up of a match on each field: players per side, camera and robots, in one table."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from sim2d.world.world import WorldSettings
 
 Camera: TypeAlias = OmniCamera | PinholeCamera
 
-# a head's pictures, small enough to process in time
+# image size of a camera on a head, small enough to process in a control period
 _HEAD_SIZE_PX = (208, 160)
 _FISHEYE_SIZE_PX = (200, 152)
-# a kick with the body or a leg
+# kicks with the body or a leg
 _LEG_KICK = BodySettings(kick_again_s=1.0, kick_speed_std=0.1, kick_angle_std_rad=0.07)
 _HUMANOID = RobotLimits(
     0.4,
@@ -39,7 +39,7 @@ _HUMANOID = RobotLimits(
     pan_rps=5.0,
     pan_limit_rad=2.0,
 )
-# players per side, camera, robots
+# by field: players per side, name of the camera, name of the robots
 _BY_FIELD: dict[str, tuple[int, str, str]] = {
     "ssl_2001": (2, "sekimori", "small"),
     "ssl_division_a": (6, "ssl_forward", "small_size"),
@@ -56,7 +56,7 @@ _BY_FIELD: dict[str, tuple[int, str, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class RobotKind:
-    """What all robots of a match are like.
+    """The kind of all robots of a match.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class RobotKind:
     has_legs : bool
         The body nods with its steps, and the odometry is that of legs.
     physics : WorldSettings
-        Of its body, and of the ball that its league plays with.
+        Physics of its body, and of its league's ball.
     """
 
     limits: RobotLimits = RobotLimits()
@@ -75,18 +75,18 @@ class RobotKind:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MatchSetup:
-    """What a match is played with.
+    """The set-up of a match.
 
     Attributes
     ----------
     players : int
-        Per side.
+        Number of players per side.
     camera : OmniCamera or PinholeCamera
-        On every robot.
+        The camera of every robot.
     robot : RobotKind
-        Every robot.
+        The kind of all robots.
     rig : Rig or None
-        All cameras of every robot where each has several, `camera` being the first.
+        All cameras of a robot if it has several; `camera` is then the first of them.
     """
 
     players: int
@@ -163,13 +163,13 @@ ROBOTS: dict[str, RobotKind] = {
     ),
     # an Aldebaran Nao
     "humanoid": RobotKind(_HUMANOID, True, WorldSettings(replace(_LEG_KICK, mass_kg=5.4))),
-    # of a child's size, with its league's ball
+    # robots of a child's size, with its league's ball
     "kid": RobotKind(
         replace(_HUMANOID, height_m=0.65, kick_speed_mps=3.0),
         True,
         WorldSettings(replace(_LEG_KICK, mass_kg=7.0), BallSettings(mass_kg=0.2)),
     ),
-    # of an adult's size, with a football
+    # robots of an adult's size, with a football
     "adult": RobotKind(
         replace(
             _HUMANOID,
@@ -203,21 +203,20 @@ def setup_for(
     robot: str | RobotKind | None = None,
     limits: RobotLimits | None = None,
 ) -> MatchSetup:
-    """Return what a match on a field is played with.
+    """Return the set-up of a match on a field.
 
     Parameters
     ----------
     field : Field
-        The pitch. One that is not built in has the set-up of `four_legged_2007` where goals have posts, else that of
-        `ssl_2001`.
+        The field. A new one has the set-up of `four_legged_2007` if goals have posts, else of `ssl_2001`.
     players : int, optional
-        Per side; default: as the field's league.
+        Number of players per side; by default that of the field's league.
     camera : OmniCamera, PinholeCamera, Rig or str, optional
-        On every robot: a camera or several, a name of `CAMERAS`, ``sekimori:WIDTHxHEIGHT``, a camera or rig file.
+        The camera or rig of every robot: an object, a name of `CAMERAS`, ``sekimori:WIDTHxHEIGHT``, or a file.
     robot : RobotKind or str, optional
-        Every robot: a kind, or a name of `ROBOTS`.
+        The kind of all robots: an object, or a name of `ROBOTS`.
     limits : RobotLimits, optional
-        What every robot can do, in place of the kind's.
+        Limits of every robot, in place of the kind's.
 
     Raises
     ------
@@ -253,12 +252,12 @@ def camera_for(field: Field) -> Camera:
 
 
 def check_setup(field: Field, setup: MatchSetup) -> None:
-    """Refuse what cannot play on a field.
+    """Refuse a set-up that cannot play on a field.
 
     Raises
     ------
     ArgumentError
-        If there are no players, or no room for them, or nothing on the field shows a robot where it is.
+        If there are no players, or no room for them, or the field has nothing to localise by.
     """
     players, limits = setup.players, setup.robot.limits
     if players < 1:

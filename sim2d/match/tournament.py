@@ -1,16 +1,15 @@
-"""Many matches, each a piece of work for processes of this machine or for a cluster.
+"""Tournaments: many matches, played by processes of this machine or of a cluster.
 
-Match i of a tournament is the match of seed S + i, so results do not depend on the workers. A match that is lost with
-its worker is played again. In a table every player meets every other.
+Match i of a tournament has the seed S + i, so results do not depend on the workers. A match that is lost with its
+worker is played again. In a table (round robin) every player meets every other.
 
-Each pair of players meets on some seeds, twice on each, with sides changed between the two: neither the side nor what
-chance gives it favours a player.
+Each pair of players meets on several seeds, twice on each with sides changed, so that neither player is favoured.
 
-The ratings are the model of Bradley and Terry, fitted by maximum likelihood with a prior. Player i wins against j with
-the probability 1 / (1 + 10^((r_j - r_i) / 400)). A draw counts as half a match won and half a match lost. The posterior
-is concave in the ratings, so Newton's method finds its one maximum. The standard errors come from the
-information matrix there. A draw varies less than a match that is won or lost with the same mean, so errors are rather
-too large where there are many draws.
+The ratings follow the model of Bradley and Terry and maximise the posterior. Player i wins against j with the
+probability 1 / (1 + 10^((r_j - r_i) / 400)). A draw counts as half a match won and half a match lost. The posterior
+is concave in the ratings, so Newton's method finds its only maximum. The standard errors come from the information
+matrix at the maximum. A draw has less variance than a won or lost match of the same mean, so the errors are somewhat
+too large if there are many draws.
 
 Source: Bradley and Terry, Rank analysis of incomplete block designs, Biometrika 39, 1952.
 """
@@ -35,23 +34,23 @@ from sim2d.report.match_figures import match_json
 from sim2d.robot_link import PlayerFactory
 
 _ELO_PER_LOGIT = 400.0 / math.log(10.0)
-# mean of all ratings: results tell differences alone
+# mean of all ratings, by convention: results determine only differences
 _MEAN_ELO = 1500.0
-# Standard deviation of a rating before any match: it keeps a player finite that won or lost all its matches. 400 Elo
-# are ten matches won for one lost; among players of one program that is a large difference.
+# Standard deviation of the prior of a rating. It keeps the rating finite if a player has won or lost all matches. 400
+# Elo mean ten matches won for one lost, a large difference between variants of one program.
 _PRIOR_STD_ELO = 400.0
-# Newton's method doubles the digits with each step
+# more than Newton's method needs, which doubles the number of correct digits with each step
 _MAX_STEPS = 100
 _CONVERGED_LOGIT = 1e-12
 
 
 def plan_matches(plan: MatchPlan, matches: int) -> list[MatchPlan]:
-    """Return the plans of a tournament: the given one, with its seed counted on.
+    """Return the plans of a tournament: the given one with successive seeds.
 
     Raises
     ------
     ArgumentError
-        If there are no matches.
+        If `matches` is less than 1.
     """
     if matches < 1:
         raise ArgumentError(f"matches must be at least 1, got {matches}")
@@ -59,7 +58,7 @@ def plan_matches(plan: MatchPlan, matches: int) -> list[MatchPlan]:
 
 
 def play_plan(plan: MatchPlan) -> dict[str, Any]:
-    """Play a match, and return what stands in its match.json."""
+    """Play a match, and return the content of its match.json."""
     cv2.setNumThreads(0)
     match = plan.begin()
     for _ in match.play(plan.seconds):
@@ -70,12 +69,12 @@ def play_plan(plan: MatchPlan) -> dict[str, Any]:
 
 
 def play_matches(plans: Sequence[MatchPlan], workers: Workers) -> Generator[tuple[int, dict[str, Any]], None, None]:
-    """Play matches, yielding the index of each and what stands in its match.json, in the order they end.
+    """Play matches, yielding the index of each and the content of its match.json, in the order in which they end.
 
     Raises
     ------
     RobocupVisionError
-        If a match cannot be played, or all workers are lost again and again.
+        If a match cannot be played, or all workers are lost repeatedly.
     """
     return run_pieces(_player, plans, workers, describe=lambda plan: f"the match of seed {plan.seed}")
 
@@ -85,7 +84,7 @@ def _player() -> Callable[[MatchPlan], dict[str, Any]]:
 
 
 def plan_json(plan: MatchPlan) -> dict[str, Any]:
-    """Return as JSON values what the matches of a tournament depend on, besides their number."""
+    """Return as JSON values all parameters on which the matches of a tournament depend, except their number."""
     return {
         "format": 1,
         "field": plan.field,
@@ -101,7 +100,7 @@ def plan_json(plan: MatchPlan) -> dict[str, Any]:
 
 
 def tournament_json(plan: MatchPlan, results: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Return a tournament as JSON values: its totals, and what stands in the match.json of each match, in order."""
+    """Return a tournament as JSON values: its totals, and the match.json of each match, in order."""
     robots = [robot for result in results for robot in result["robots"]]
     scores = np.array([result["score"] for result in results])
     halves = [robot["right_half_ratio"] for robot in robots if robot["right_half_ratio"] is not None]
@@ -136,35 +135,35 @@ class Ratings:
 
     #: (n,) float64: rating of each player.
     elo: FloatArray
-    #: (n, n) float64: of the errors of the ratings about their common mean, Elo squared.
+    #: (n, n) float64: covariance of the ratings' errors, relative to their common mean, Elo squared.
     covariance: FloatArray
 
     @property
     def std_error_elo(self) -> FloatArray:
-        """Standard error of each rating about the mean of all, (n,)."""
+        """Standard error of each rating relative to the mean of all, (n,)."""
         return np.sqrt(np.diag(self.covariance))
 
     def difference(self, first: int, second: int) -> tuple[float, float]:
-        """Return by how much the first player is rated above the second, and the standard error of that, in Elo."""
-        apart = np.zeros(len(self.elo))
-        apart[first] += 1.0
-        apart[second] -= 1.0
-        variance = float(apart @ self.covariance @ apart)
+        """Return the first player's rating minus the second's, and the standard error of the difference, in Elo."""
+        contrast = np.zeros(len(self.elo))
+        contrast[first] += 1.0
+        contrast[second] -= 1.0
+        variance = float(contrast @ self.covariance @ contrast)
         return float(self.elo[first] - self.elo[second]), math.sqrt(max(variance, 0.0))
 
 
 def rate_players(points: FloatArray) -> Ratings:
-    """Rate players by what they won against each other.
+    """Rate players by their results against each other.
 
     Parameters
     ----------
     points : (n, n) float64
-        ``points[i, j]``: what player i won against player j, 1 for a match won and 0.5 for a draw. The diagonal is 0.
+        ``points[i, j]``: points of player i against player j, 1 for a won match and 0.5 for a draw. The diagonal is 0.
 
     Raises
     ------
     ArgumentError
-        If the points are no such matrix.
+        If the points are not such a matrix.
     """
     won = np.asarray(points, dtype=np.float64)
     if won.ndim != 2 or won.shape[0] != won.shape[1] or not won.size:
@@ -185,7 +184,7 @@ def rate_players(points: FloatArray) -> Ratings:
         step = np.linalg.solve(information, gradient)
         if np.abs(step).max() < _CONVERGED_LOGIT:
             break
-        # far from the maximum a whole step may go past it
+        # far from the maximum a full step may overshoot it
         part = 1.0
         while part > _CONVERGED_LOGIT and _log_posterior(rating + part * step, won, prior) < value:
             part *= 0.5
@@ -198,13 +197,13 @@ def rate_players(points: FloatArray) -> Ratings:
 
 
 def _log_posterior(rating: FloatArray, won: FloatArray, prior: float) -> float:
-    """Return the logarithm of the ratings' probability, but for a constant."""
+    """Return the logarithm of the ratings' posterior, up to a constant."""
     return float(-(won * np.logaddexp(0.0, rating[None, :] - rating[:, None])).sum() - 0.5 * prior * rating @ rating)
 
 
 @dataclass(frozen=True, slots=True)
 class RoundRobin:
-    """Who meets whom.
+    """A table's matches: every player meets every other.
 
     Raises
     ------
@@ -212,7 +211,7 @@ class RoundRobin:
         If there are fewer than two players, two have one name, or the number of matches is not even.
     """
 
-    #: Plan of every match but for its players; its seed is that of the first two matches of each pair.
+    #: Plan of every match, except its players; its seed is that of the first two matches of each pair.
     plan: MatchPlan
     #: The players and their names.
     players: tuple[tuple[str, PlayerFactory], ...]
@@ -239,17 +238,17 @@ class RoundRobin:
 
     @property
     def meetings(self) -> list[tuple[int, int]]:
-        """Indices of the players of each match: which attacks the goal at +x, and which the other.
+        """Indices of the players of each match: first the one that attacks the goal at +x.
 
-        All pairs meet on one seed before the next seed: an interrupted tournament has played all pairs about equally
-        often, and a longer one begins with the same matches.
+        All pairs meet on one seed before the next seed. An interrupted tournament has then played all pairs about
+        equally often, and a longer one begins with the same matches.
         """
         pairs = list(combinations(range(len(self.players)), 2))
         return [sides for _ in range(self.matches // 2) for a, b in pairs for sides in ((a, b), (b, a))]
 
     @property
     def plans(self) -> list[MatchPlan]:
-        """The match of each meeting."""
+        """The plan of each match, in the order of `meetings`."""
         meetings = self.meetings
         on_each_seed = 2 * len(meetings) // self.matches
         return [
@@ -263,7 +262,7 @@ class RoundRobin:
         ]
 
     def run_json(self) -> dict[str, Any]:
-        """Return as JSON values what the matches depend on, besides their number."""
+        """Return as JSON values all parameters on which the matches depend, except their number."""
         values = {key: value for key, value in plan_json(self.plan).items() if key not in ("ours", "theirs")}
         return {**values, "table": list(self.names)}
 
@@ -273,7 +272,7 @@ class RoundRobin:
         Parameters
         ----------
         results : sequence of dict
-            What stands in the match.json of each match, in the order of `plans`.
+            The match.json of each match, in the order of `plans`.
         """
         ratings = rate_players(self._points(results))
         order = sorted(range(len(self.players)), key=lambda index: (-ratings.elo[index], self.names[index]))

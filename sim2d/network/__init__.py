@@ -1,1 +1,1 @@
-"""sim2d as a simulator of the small-size league: it speaks the league's protocols to anybody's team."""
+"""sim2d as a simulator of the small-size league, for any team that uses the league's protocols."""

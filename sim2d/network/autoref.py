@@ -1,6 +1,6 @@
-"""An automatic referee for a game controller: it tells what happens, and decides nothing.
+"""An automatic referee for a game controller: it reports events, and leaves the decisions to the game controller.
 
-What it sees is what `LeagueReferee` sees, made to follow the game controller's commands.
+The events are found by a `LeagueReferee` that follows the game controller's commands.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from sim2d.network.packets import COMMANDS, NEXT, US_PER_S
 from sim2d.world.state import BallState, RobotState
 
 K = EventKind
-# each command here, and whose turn it is
+# the simulator's command for each command of the league, and the team whose turn it is
 _COMMANDS: dict[RefereeCommand, tuple[Command, Team]] = {
     one: (command, Team.UNKNOWN if yellow == blue else team)
     for command, (yellow, blue) in COMMANDS.items()
@@ -57,7 +57,7 @@ class Autoref:
         self._highest_m = 0.0
 
     def hear(self, packet: Referee, t_s: float, ball: BallState) -> None:
-        """Take in a packet of the game controller at a time."""
+        """Process a packet that the game controller sent at a time."""
         before, self._packet = self._packet, packet
         self._referee.keepers = {
             self._side(Team.YELLOW): packet.yellow.goalkeeper,
@@ -75,16 +75,16 @@ class Autoref:
         self._follow(ball, is_in_play=False)
 
     def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState, now_s: float) -> list[RefereeEvent]:
-        """Return what has happened since the last call, each thing once.
+        """Return the events since the last call, each once per command of the game controller.
 
         Parameters
         ----------
         t_s : float
-            Now, by the clock of `hear`.
+            Present time, by the clock of `hear`.
         robots : sequence of RobotState
             All robots; yellow is side +1.
         now_s : float
-            Seconds since 1970, for the events' stamps.
+            Present time since 1970, for the events' stamps.
         """
         if self._followed is None or self._packet is None:
             return []
@@ -111,7 +111,7 @@ class Autoref:
         if command == "ball_placement" and referee.command not in ("ball_placement", "stop"):
             what.append((K.PLACEMENT_SUCCEEDED, self._placed(side, t_s - since_s, ball)))
         if referee.command_counter != self._counter:
-            # it does not decide
+            # undo the referee's own decision
             self._follow(ball, is_in_play=True)
         out = []
         for kind, report in what:

@@ -1,4 +1,4 @@
-"""Built-in players on some robots of the league's simulator: with cameras of their own, or by the vision from above."""
+"""Built-in players of robots in the league's simulator: with cameras of their own, or by overhead vision."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _MAX_DELAY_S = 0.2
 
 
 class OverheadRobots:
-    """Robots that are played by the simulator's vision, as real as that is, as `robocup-vision play` plays them."""
+    """Robots that are played by the simulator's overhead vision, with its noise, as `robocup-vision play` does it."""
 
     sees_from_above = True
 
@@ -40,20 +40,20 @@ class OverheadRobots:
         self._stamp_s = 0.0
 
     def begin(self, world: LeagueWorld) -> None:
-        """Take the robots over: they stay as they are."""
+        """Take over the robots; their specifications are not changed."""
 
     def hear_vision(self, packet: VisionPacket) -> None:
-        """Take in what a camera above the field saw."""
+        """Take in a packet of overhead vision."""
         self._team.hear_vision(packet)
         if packet.detection is not None:
             self._stamp_s = packet.detection.t_capture_s
 
     def hear_referee(self, packet: Referee) -> None:
-        """Take in what the referee says."""
+        """Process a packet of the referee."""
         self._team.hear_referee(packet)
 
     def lose_referee(self) -> None:
-        """Stand still until the referee speaks again."""
+        """Stop until there are packets of the referee again."""
         self._team.lose_referee()
 
     def act(self, world: LeagueWorld, epoch_s: float) -> None:
@@ -62,7 +62,7 @@ class OverheadRobots:
         self._team.hear_robots(
             Response(feedback=tuple(Feedback(number, world.touches_ball(self.team, number)) for number in there))
         )
-        # vision is never later than this, whatever its clock did
+        # vision's delay never exceeds this; a larger difference means that its clock has jumped
         ahead_s = min(max(epoch_s + world.t_s - self._stamp_s, 0.0), _MAX_DELAY_S)
         for command in self._team.commands(self._team.seen_s + ahead_s):
             if command.number in there:
@@ -70,16 +70,16 @@ class OverheadRobots:
 
 
 class CameraRobots:
-    """Robots with a camera of their own each, played by sim2d's players; they are as quick as in its own matches.
+    """Robots with a camera each, played by sim2d's players, with the same limits as in its own matches.
 
     Parameters
     ----------
     numbers : tuple of int
-        Which of the team's robots; the first keeps the goal if there is more than one.
+        Numbers of the robots; the first keeps the goal if there are several.
     players : str
         ``plain``, ``memory`` or ``planning``.
     seed : int
-        Of noise and of the players' choices.
+        Seed of noise and of the players' random choices.
     """
 
     sees_from_above = False
@@ -102,25 +102,25 @@ class CameraRobots:
         self._pan_rad = dict.fromkeys(numbers, 0.0)
 
     def begin(self, world: LeagueWorld) -> None:
-        """Take the robots over, and limit them to what their players know of them."""
+        """Take over the robots, and reduce their limits to those that the players assume."""
         for number in self.numbers:
             world.set_spec(self.team, number, world.spec(self.team, number).limited(self._limits))
 
     def hear_vision(self, packet: VisionPacket) -> None:
-        """Take in nothing: they have eyes of their own."""
+        """Do nothing: the robots have their own cameras."""
 
     def hear_referee(self, packet: Referee) -> None:
-        """Take in what the referee says."""
+        """Process a packet of the referee."""
         self._game.update(packet)
 
     def lose_referee(self) -> None:
-        """Stand still until the referee speaks again."""
+        """Stop until there are packets of the referee again."""
         self._game.lose_referee()
 
     def act(self, world: LeagueWorld, epoch_s: float) -> None:
         """Command the robots, once a control period."""
         truth = world.state
-        # the eyes draw robots by these states, and nothing else of them
+        # the state of a match, as far as the renderer uses it
         state = WorldState(truth.t_s, truth.robots, truth.ball, (0, 0), "play", 1, ())
         game = self._game.state(truth.t_s, (truth.ball.x_m, truth.ball.y_m))
         for robot in state.robots:
@@ -153,18 +153,18 @@ BuiltInRobots = OverheadRobots | CameraRobots
 
 
 def built_in_robots(text: str, field: Field, players: int, seed: int = 0) -> BuiltInRobots:
-    """Return the robots that some words name: ``TEAM=KIND``, or ``TEAM=KIND:0,2,3`` for some of the team.
+    """Return the robots that a text names: ``TEAM=KIND``, or ``TEAM=KIND:0,2,3`` for some robots of the team.
 
-    Other words raise `ArgumentError`.
+    Raises `ArgumentError` for another text.
 
     Parameters
     ----------
     text : str
         Team ``yellow`` or ``blue``; kind ``overhead``, ``plain``, ``memory`` or ``planning``.
     players : int
-        Of each team, when the words name no numbers.
+        Number of robots of each team, if the text has no numbers.
     seed : int
-        Of noise and of the players' choices.
+        Seed of noise and of the players' random choices.
     """
     team_name, equals, rest = text.partition("=")
     kind, colon, numbers_text = rest.partition(":")
@@ -191,7 +191,7 @@ def _numbers(text: str, whole: str) -> tuple[int, ...]:
 
 
 def check_apart(robots: Sequence[BuiltInRobots]) -> None:
-    """Raise `ArgumentError` where a robot is named twice."""
+    """Raise `ArgumentError` if a robot is named twice."""
     seen: set[tuple[Team, int]] = set()
     for group in robots:
         for number in group.numbers:

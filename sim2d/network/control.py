@@ -1,6 +1,6 @@
-"""What a SimulatorCommand does: things put somewhere, robots changed, the field exchanged, realism set.
+"""Executes a SimulatorCommand: moves ball and robots, changes robots, field and realism.
 
-Whatever cannot be done is an error with a code, and changes nothing; the rest of the command is done all the same.
+A part of the command that cannot be executed gives an error with a code; the other parts are executed.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ from sim2d.world.ball_physics import Flight
 from sim2d.world.robot_spec import RobotSpec
 from sim2d.world.state import BallState
 
-# where things can be put, how fast they can be, how large a field can be: far beyond the league's, and finite
+# bounds of places, velocities and the field's size: far beyond the league's, but finite
 MAX_PLACE_M, MAX_SPEED_MPS, MAX_TURN_RPS, MAX_HEIGHT_M = 20.0, 30.0, 100.0, 20.0
 MAX_FIELD_M, MAX_LINES = 30.0, 100
-# slower, and a program that waits for the next step would wait for minutes
+# bounds of simulated time per real time: at a lower speed a program would wait minutes for the next step
 MIN_CLOCK_RATIO, MAX_CLOCK_RATIO = 0.01, 100.0
 # each key of a robot's specification: its smallest and largest value
 _SPEC_RANGES = {
@@ -60,7 +60,7 @@ _SPEC_RANGES = {
 
 
 class Controlled(Protocol):
-    """What simulation control changes, as `sim2d.network.league.LeagueSimulator` holds it."""
+    """The simulator's state that commands change; see `sim2d.network.league.LeagueSimulator`."""
 
     world: LeagueWorld
     speed: float
@@ -68,20 +68,20 @@ class Controlled(Protocol):
 
     @property
     def realism(self) -> Realism:
-        """How real it is now."""
+        """The noise, delays and losses that are simulated now."""
         ...
 
     def set_realism(self, realism: Realism) -> None:
-        """Change how real it is."""
+        """Change the simulated noise, delays and losses."""
         ...
 
     def set_field(self, field: Field, flight: Flight) -> None:
-        """Lay out another field."""
+        """Replace the field and the parameters of the ball's flight."""
         ...
 
 
 class _Refused(Exception):
-    """Something that is not done: its code and why."""
+    """A part of a command is refused: an error code and messages."""
 
     def __init__(self, code: str, *messages: str) -> None:
         super().__init__(code)
@@ -101,9 +101,9 @@ def apply_command(simulator: Controlled, command: SimulatorCommand) -> list[Simu
 
 
 def _parts(command: SimulatorCommand) -> Iterator[tuple[Callable[[Controlled, Any], None], Any]]:
-    """Yield what does each part of a command, and the part."""
+    """Yield each part of a command after the function that executes it."""
     config, control = command.config, command.control
-    # settings first: what is put on another field belongs there
+    # settings first, since places refer to the new field
     if config is not None:
         yield _set_geometry, config.geometry
         yield from ((_set_spec, specs) for specs in config.robot_specs)
@@ -175,7 +175,7 @@ def _teleport_robot(simulator: Controlled, robot: TeleportRobot) -> None:
             raise _Refused("ROBOT_NOT_PRESENT", f"{name} is not on the field; set present to put it there")
         world.add(team, number, pose)
     elif robot == TeleportRobot(robot.robot, present=robot.present, by_force=robot.by_force, unknown=robot.unknown):
-        # nothing is said of its place or motion
+        # the message has neither a pose nor a velocity
         return
     world.place(team, number, pose, velocity, turn)
 
@@ -189,7 +189,7 @@ def _robot_key(robot: RobotId) -> tuple[Team, int]:
 
 
 def _checked(key: str, value: float | None, largest: float, kept: float) -> float:
-    """Return a value that is not too large; of one that is left out what is kept."""
+    """Return a value after a check of its size; if it is omitted, return the present value `kept`."""
     if value is None:
         return kept
     if not abs(value) <= largest:

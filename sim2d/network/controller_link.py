@@ -1,6 +1,6 @@
-"""The simulator's connection to a running game controller: an automatic referee, and an operator for its web page.
+"""The simulator's connections to a running game controller: an automatic referee, and an operator for its web page.
 
-With them and two teams a game controller plays a whole match by itself.
+With these and two teams, a game controller runs a whole match by itself.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from sim2d.network.packets import tracker_packet
 from sim2d.network.world import STEPS_PER_S, LeagueState
 
 IDENTIFIER = "sim2d"
-# period of the operator's looks: a person is no faster
+# period of the operator's actions: a person is not faster
 _OPERATOR_S = 0.2
 
 
 class ControllerLink(Closing):
-    """The connections to one game controller. Close it, or use it in a ``with``.
+    """The connections to one game controller. Close it, or use it in a ``with`` statement.
 
-    A connection that is lost is named in `problems`, and the simulator goes on without it.
+    A lost connection is reported in `problems`, and the simulator goes on without it.
 
     Parameters
     ----------
     host : str
         Name or IPv4 address of the machine the game controller runs on.
     drives : bool
-        Whether the game controller was started for continuous integration: it then goes by the time and the true
-        positions that the simulator sends it.
+        Whether the game controller was started for continuous integration: it then uses the time and the true positions
+        that the simulator sends.
 
     Raises
     ------
@@ -66,11 +66,11 @@ class ControllerLink(Closing):
         self._opened.close()
 
     def hear(self, packet: Referee, state: LeagueState) -> None:
-        """Take in a packet of the game controller."""
+        """Process a packet of the game controller."""
         self._autoref.hear(packet, state.t_s, state.ball)
 
     def drive(self, state: LeagueState, epoch_s: float) -> list[Referee]:
-        """Send time and true positions to a game controller that goes by them; return its packets."""
+        """Send time and true positions to a driven game controller; return its packets."""
         if self._ci is None:
             return []
         geometry = geometry_from_field(self._field) if self._frames % STEPS_PER_S == 0 else None

@@ -1,6 +1,6 @@
-"""A referee of sim2d's own matches that is not here: the league's game controller, listened to or driven.
+"""Lets the league's game controller referee sim2d's own matches; it is either listened to or driven.
 
-What it commands becomes the players' phase. The ball is put where a person would put it before a kick.
+Its commands determine the phase for the players. Before a kick the ball is put in place as by a person.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from sim2d.robot_link import Phase
 from sim2d.world.referee import Ruling
 from sim2d.world.state import BallState, Event, RobotState
 
-# the game controller takes a ball for placed that lies so near
+# distance within which the game controller accepts a ball as placed
 _PLACED_M = 0.15
 _KICKS = (*KICK_OFFS, *PENALTIES, *COMMANDS["direct_free"])
-# a game controller that answers nothing for so long does not work
+# time without an answer after which a game controller counts as failed
 _MAX_SILENCE_S = 10.0
 
 
-#: Tells what a game controller has said since the last call, at a time of the match with the truth then and whether
-#: blue is on the positive half.
+#: Returns the game controller's packets since the last call. Arguments: time of the match, true robots and ball at that
+#: time, and whether blue is on the positive half.
 RefereeSource = Callable[[float, Sequence[RobotState], BallState, bool], list[Referee]]
 
 
 class DrivenReferee:
-    """A `RefereeSource`: a game controller that goes by the match's time, and sees it by tracker packets.
+    """A `RefereeSource`: a game controller that runs on the match's time, and sees it through tracker packets.
 
     Parameters
     ----------
     field : Field
-        The pitch, told at the first exchange.
+        The field, whose geometry is sent in the first exchange.
     """
 
     def __init__(self, client: CiClient, field: Field) -> None:
@@ -53,7 +53,7 @@ class DrivenReferee:
         self._begin_ns = time.time_ns()
 
     def __call__(self, t_s: float, robots: Sequence[RobotState], ball: BallState, blue_positive: bool) -> list[Referee]:
-        """Tell it a moment of the match; return what it answers. Raises `ArgumentError` if it is silent for long."""
+        """Send a moment of the match; return the answers. Raises `ArgumentError` if there are none for too long."""
         geometry = geometry_from_field(self._field) if self._frames == 0 else None
         self._frames += 1
         frame = tracked_frame(self._frames, self._begin_ns / NS_PER_S + t_s, robots, ball, 1 if blue_positive else -1)
@@ -68,7 +68,7 @@ class DrivenReferee:
 
 
 class ForeignReferee:
-    """Satisfies `sim2d.world.referee.MatchReferee` by what a game controller says."""
+    """Implements `sim2d.world.referee.MatchReferee` with a game controller."""
 
     def __init__(self, source: RefereeSource, field: Field) -> None:
         self._source, self._field = source, field
@@ -81,7 +81,7 @@ class ForeignReferee:
         self.placement_m: tuple[float, float] | None = None
 
     def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
-        """Take in what the game controller says; return what follows from it at once."""
+        """Process the game controller's packets; return the rulings that follow from them."""
         rulings: list[Ruling] = []
         for packet in self._source(t_s, robots, ball, self._blue_positive):
             before, self._packet = self._packet, packet
@@ -107,7 +107,7 @@ class ForeignReferee:
         return 1 if self._blue_positive else -1
 
     def _put_ball(self, t_s: float, packet: Referee, ball: BallState) -> list[Ruling]:
-        """Return the ball's ruling before a kick, where it lies elsewhere; whistle for a start."""
+        """Return a ruling that places the ball for a kick, if it lies elsewhere, or one that whistles for a start."""
         if packet.command in (RefereeCommand.NORMAL_START, RefereeCommand.FORCE_START):
             return [Ruling(Event(t_s, "whistle"))]
         if packet.command not in _KICKS:

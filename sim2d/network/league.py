@@ -1,7 +1,7 @@
 """The league's simulator without sockets: bytes of commands in, bytes of answers and of published packets out.
 
-A step of the physics is 1/300 s; cameras expose every fifth. Everything is counted in steps, so that days of simulated
-time neither drift nor grow. What cannot be read is counted, answered with an error, and does no more.
+A step of the physics is 1/300 s; cameras expose at every fifth step. Time is counted in steps, so that it does not
+drift, even over days of simulated time. A request that cannot be read is counted, answered with an error and ignored.
 """
 
 from __future__ import annotations
@@ -49,21 +49,22 @@ from sim2d.world.state import BallState
 
 STEPS_A_FRAME = 5
 STEPS_A_REFEREE = 8
-# built-in players act, and a referee looks, 30 times a second, as in sim2d's own matches
+# built-in players act, and the referee judges, 30 times per second, as in sim2d's own matches
 STEPS_A_COMMAND = 10
-# one request must not keep the simulator from everybody else
+# one request must not block the simulator for its other clients
 MAX_SYNC_STEP_S = 1.0
-# the largest command that means something has half of this; more would take longer to read than there is time
+# twice the largest meaningful command; decoding a larger one would take longer than a step
 MAX_REQUEST_BYTES = 8192
 MAX_KICK_MPS, MAX_DRIBBLER_RPS = 100.0, 10_000.0
-MAX_KICK_RAD = math.pi / 2 + 1e-6  # 90 degrees as a float32 may be a little more
-_WORLD, _RADIO = range(2)
+MAX_KICK_RAD = math.pi / 2 + 1e-6  # 90 degrees may be slightly more as a float32
+# numbers of the random streams of vision and of radio losses
+_VISION_STREAM, _RADIO_STREAM = range(2)
 # a SyncRequest begins with its step: field 1, a float; every other request begins with a message
 _SYNC_MARK = b"\x0d"
 
 
 class Channel(Enum):
-    """Where a published packet belongs."""
+    """The multicast channel on which a packet is published."""
 
     VISION = "vision"
     TRACKER = "tracker"
@@ -71,25 +72,27 @@ class Channel(Enum):
 
 
 class LeagueSimulator:
-    """A field that anybody's programs play on.
+    """A field on which external programs play.
 
     Parameters
     ----------
     players : int
-        Of each team, standing as for a kick-off: yellow plays towards +x.
+        Robots of each team, placed as for a kick-off; yellow plays towards +x.
     seed : int
-        The same seed and the same requests at the same steps give the same packets, but for their time.
+        The same seed and the same requests at the same steps give the same packets, except for their times.
     epoch_s : float
-        Seconds since 1970 when it begins: simulated time counts from there.
+        Time of the first step, seconds since 1970.
     referee : LeagueReferee, optional
-        Judges a match by the rules and puts the ball where it belongs; default: everybody may play all the time.
+        Judges a match by the rules and places the ball; by default play is never interrupted.
     built_in : sequence of BuiltInRobots
-        Play some of the robots; the others are there for foreign commands.
+        Built-in players of some of the robots; the other robots obey external commands.
+    images : CameraImages, optional
+        Receives each overhead camera's image of the world.
 
     Attributes
     ----------
     speed : float
-        How fast simulated time shall go: 1 as a clock, 0 not at all, infinity as fast as it goes.
+        Simulated time per real time: 1 in real time, 0 stopped, infinity as fast as possible.
 
     Raises
     ------
@@ -123,8 +126,8 @@ class LeagueSimulator:
         for team, side in ((Team.YELLOW, 1), (Team.BLUE, -1)):
             for number in range(players):
                 self.world.add(team, number, kick_off_pose(field, side, number, players, field.robot_radius_m))
-        self._rng = np.random.default_rng([seed, _RADIO])
-        self._vision_rng = np.random.default_rng([seed, _WORLD])
+        self._rng = np.random.default_rng([seed, _RADIO_STREAM])
+        self._vision_rng = np.random.default_rng([seed, _VISION_STREAM])
         self._vision = OverheadVision(field, realism, self._vision_rng)
         self._delayed: deque[tuple[int, bytes]] = deque()
         self._sync_debt_s = 0.0
@@ -138,21 +141,21 @@ class LeagueSimulator:
 
     @property
     def realism(self) -> Realism:
-        """How real it is now."""
+        """The noise, delays and losses that are simulated now."""
         return self._vision.realism
 
     def set_realism(self, realism: Realism) -> None:
-        """Change how real it is."""
+        """Change the simulated noise, delays and losses."""
         self._vision = OverheadVision(self.world.field, realism, self._vision_rng)
 
     def set_field(self, field: Field, flight: Flight) -> None:
-        """Lay out another field."""
+        """Replace the field and the parameters of the ball's flight."""
         self.world.set_field(field, flight)
         self._vision = OverheadVision(field, self.realism, self._vision_rng)
         self._ball_boy = BallBoy(field)
 
     def step(self) -> list[tuple[Channel, bytes]]:
-        """Go on by one step of the physics; return what is to be published then."""
+        """Advance by one step of the physics; return the packets to publish."""
         self.world.step()
         steps = self.world.steps
         out: list[tuple[Channel, bytes]] = []
@@ -177,7 +180,7 @@ class LeagueSimulator:
         return out
 
     def hear_referee(self, packet: Referee) -> None:
-        """Let the built-in players obey a game controller; the ball is put where a person would put it for it."""
+        """Let the built-in players obey a game controller, and place the ball where a person would for it."""
         self._ball_boy.hear(packet, self.world.t_s)
         ball = self.world.ball
         place = self._ball_boy.wants(self.world.t_s, (ball.x_m, ball.y_m), math.hypot(ball.vx_mps, ball.vy_mps))
@@ -187,7 +190,7 @@ class LeagueSimulator:
             robots.hear_referee(packet)
 
     def lose_referee(self) -> None:
-        """Let the built-in players stand still until a referee speaks again."""
+        """Stop the built-in players until the next packet of a referee."""
         for robots in self._built_in:
             robots.lose_referee()
 
@@ -213,7 +216,7 @@ class LeagueSimulator:
                 self.world.place_ball(BallState(*ruling.ball_at))
 
     def answer_control(self, data: bytes) -> tuple[bytes | None, list[tuple[Channel, bytes]]]:
-        """Take a datagram of the simulation control; return the answer, if there is one, and what is published then."""
+        """Process a datagram of the simulation control; return the answer, if any, and the packets to publish."""
         try:
             self._check_size(data)
             if data[:1] == _SYNC_MARK:
@@ -224,7 +227,7 @@ class LeagueSimulator:
         return (encode(SimulatorResponse(tuple(errors))) if errors else None), []
 
     def answer_robots(self, team: Team, data: bytes) -> tuple[bytes | None, list[tuple[Channel, bytes]]]:
-        """Take a datagram for the robots of a team; returns as `answer_control`."""
+        """Process a datagram for a team's robots; returns as `answer_control`."""
         try:
             self._check_size(data)
             if data[:1] == _SYNC_MARK:
@@ -237,7 +240,7 @@ class LeagueSimulator:
         return encode(response), []
 
     def answer_step(self, team: Team | None, data: bytes) -> tuple[bytes, list[tuple[Channel, bytes]]]:
-        """Take a SyncRequest that came over a connection of a team, or of the control (None); returns as others do."""
+        """Process a SyncRequest from a team's connection, or from the control's (None); returns as `answer_control`."""
         try:
             self._check_size(data)
             return self._answer_sync(decode(SyncRequest, data), team)
@@ -245,7 +248,7 @@ class LeagueSimulator:
             return encode(SyncResponse(robots=RobotControlResponse((self._count_bad(error),)))), []
 
     def _answer_sync(self, request: SyncRequest, team: Team | None) -> tuple[bytes, list[tuple[Channel, bytes]]]:
-        # whoever steps it wants it to stand still in between
+        # a client that steps the simulator expects it to pause between the steps
         self.speed = 0.0
         errors: list[SimulatorError] = []
         feedback: tuple[RobotFeedback, ...] = ()
@@ -296,7 +299,7 @@ class LeagueSimulator:
         return RobotControlResponse(tuple(errors), tuple(feedback))
 
     def _feel(self, team: Team, number: int) -> RobotFeedback:
-        """Return what a robot feels: the ball, and how its wheels turn."""
+        """Return a robot's feedback: whether it touches the ball, and its own motion."""
         motion = AnyMessage(MOTION_TYPE, encode(RobotMotion(*self.world.robot(team, number).motion)))
         return RobotFeedback(number, self.world.touches_ball(team, number), motion)
 
@@ -314,7 +317,7 @@ class LeagueSimulator:
 
 
 def _problem(command: RobotCommand) -> str:
-    """Return what no robot can do of a command; empty if it can do all."""
+    """Return why a command is outside what any robot can do; empty if it is not."""
     move = command.move
     speeds: list[float] = []
     turns: list[float] = []

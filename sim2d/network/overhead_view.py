@@ -1,7 +1,7 @@
-"""Overhead cameras: the part of the field that each covers, its image, and the ball as far as robots leave it in view.
+"""Overhead cameras: the part of the field that each covers, its image, and the visible part of the ball.
 
-One drawing serves both: colours make the image, and labels tell which pixels are the ball's. The camera hangs a little
-otherwise than its calibration says; what is measured in the image is carried to the field by the calibration.
+The image and the mask of the ball's visible pixels are drawn by the same functions. The true camera pose differs
+slightly from the calibration, with which measurements in the image are projected to the field.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _CARPET, _LINE, _BEYOND = (60, 120, 40), (235, 235, 235), (50, 60, 50)
 _SIDE, _TOP, _BALL = (35, 35, 35), (20, 20, 20), (20, 110, 245)
 _SIDES = {SIDES[Team.YELLOW]: (40, 225, 245), SIDES[Team.BLUE]: (220, 110, 40)}
 _BIT_SET, _BIT_CLEAR = (90, 220, 90), (190, 90, 235)
-# of the pattern on a robot: the team's dot, the number's dots, and where these are (ahead, left)
+# the pattern on a robot: radii of the team's dot and of the number's dots, and places (ahead, left) of the latter
 _TEAM_DOT_M, _NUMBER_DOT_M = 0.025, 0.020
 _DOTS_M = ((0.035, 0.055), (0.035, -0.055), (-0.055, 0.035), (-0.055, -0.035))
 _OUTLINE = np.linspace(0.0, math.tau, 24, endpoint=False)
@@ -39,33 +39,33 @@ _NOISE_STD, _BLUR_PX = 3.0, 0.6
 
 @dataclass(frozen=True, slots=True)
 class OverheadCamera:
-    """One camera."""
+    """One overhead camera, as its calibration describes it."""
 
     camera_id: int
-    #: where it hangs, field frame
+    #: position, field frame
     x_m: float
     y_m: float
     z_m: float
-    #: distance from there to which it covers the floor
+    #: half the size of the rectangle of floor that it covers
     half_x_m: float
     half_y_m: float
 
     @property
     def focal_length_px(self) -> float:
-        """All that it shall see fits into its image."""
+        """Focal length at which the covered rectangle fits into the image."""
         return self.z_m * min(SIZE_PX[0] / 2 / self.half_x_m, SIZE_PX[1] / 2 / self.half_y_m)
 
     def covers(self, x_m: float, y_m: float) -> bool:
-        """Return whether a point of the floor is in its part of the field."""
+        """Return whether a point of the floor is in the camera's rectangle."""
         return abs(x_m - self.x_m) <= self.half_x_m and abs(y_m - self.y_m) <= self.half_y_m
 
     def pixel(self, x_m: float, y_m: float, z_m: float = 0.0) -> tuple[float, float]:
-        """Return where in its image a point is: x to the right, y down."""
+        """Return the pixel (u, v) of a point of the field frame."""
         scale = self.focal_length_px / (self.z_m - z_m)
         return SIZE_PX[0] / 2 + (x_m - self.x_m) * scale, SIZE_PX[1] / 2 - (y_m - self.y_m) * scale
 
     def on_floor(self, x_m: float, y_m: float, z_m: float) -> tuple[float, float]:
-        """Return where the ray through a point above the floor meets it."""
+        """Return where the camera's ray through a point above the floor meets the floor, field frame, metres."""
         stretch = self.z_m / (self.z_m - min(z_m, 0.9 * self.z_m))
         return self.x_m + (x_m - self.x_m) * stretch, self.y_m + (y_m - self.y_m) * stretch
 
@@ -96,11 +96,11 @@ class OverheadCamera:
 def camera_rig(field: Field, columns: int, rows: int, overlap_m: float) -> tuple[OverheadCamera, ...]:
     """Return cameras over equal parts of a field and its boundary, row by row from the corner at -x and -y.
 
-    Columns are along x, rows along y; a strip of the overlap's width is seen by both of two neighbours.
+    Columns are along x, rows along y; two neighbours both see a strip of width `overlap_m`.
     """
     reach_x_m, reach_y_m = abs(field.floor_polygon).max(axis=0).tolist()
     step_x_m, step_y_m = 2 * reach_x_m / columns, 2 * reach_y_m / rows
-    # high enough that nobody needs a wide lens
+    # high enough that no camera needs a wide lens
     height_m = max(HEIGHT_M, math.hypot(step_x_m, step_y_m) / 2)
     return tuple(
         OverheadCamera(
@@ -118,15 +118,15 @@ def camera_rig(field: Field, columns: int, rows: int, overlap_m: float) -> tuple
 
 @dataclass(frozen=True, slots=True)
 class Mounting:
-    """How a camera really hangs, against its calibration."""
+    """The difference of a camera's true pose from its calibration."""
 
-    shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: of its position
+    shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: error of its position, field frame
     rotation_rad: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: small turns about the field's axes
 
 
 @dataclass(frozen=True, slots=True)
 class BallImage:
-    """The ball in an image: the middle of its pixels, how many they are, and their ratio of those without robots."""
+    """The ball in an image: mean and number of its visible pixels, and the visible ratio."""
 
     u_px: float
     v_px: float
@@ -151,13 +151,13 @@ class OverheadView:
         self._background: UInt8Array | None = None
 
     def project(self, points_m: FloatArray) -> FloatArray:
-        """Return where points (N, 3) of the field frame are in the image: (N, 2) pixels."""
+        """Project points (N, 3) of the field frame into the image: (N, 2) pixels."""
         seen = (points_m - self._position) @ self._rotation.T
         scale = self.camera.focal_length_px / np.maximum(seen[:, 2], 1e-6)
         return np.asarray(seen[:, :2] * scale[:, None] + np.array(SIZE_PX) / 2)
 
     def pixel(self, x_m: float, y_m: float, z_m: float) -> tuple[float, float]:
-        """Return where one point is in the image: as `project`, without arrays."""
+        """Project one point into the image: a faster `project`."""
         px, py, pz = self._place
         dx, dy, dz = x_m - px, y_m - py, z_m - pz
         (a, b, c), (d, e, f), (g, h, i) = self._rows
@@ -165,13 +165,13 @@ class OverheadView:
         return (a * dx + b * dy + c * dz) * scale + SIZE_PX[0] / 2, (d * dx + e * dy + f * dz) * scale + SIZE_PX[1] / 2
 
     def on_field(self, u_px: float, v_px: float, z_m: float) -> tuple[float, float]:
-        """Return where the calibration says a pixel is on the plane at a height."""
+        """Return the point (x, y), field frame, of a pixel on the plane at height `z_m`, by the calibration."""
         camera = self.camera
         scale = (camera.z_m - z_m) / camera.focal_length_px
         return camera.x_m + (u_px - SIZE_PX[0] / 2) * scale, camera.y_m - (v_px - SIZE_PX[1] / 2) * scale
 
     def ball(self, state: LeagueState) -> BallImage | None:
-        """Return the ball's image, drawn with the robots before it; None where nothing of it is in view."""
+        """Return the visible part of the ball, which robots may hide; None if nothing of it is visible."""
         center, radius_px = self._ball_circle(state)
         half = math.ceil(radius_px) + 3
         left, top = math.floor(center[0]) - half, math.floor(center[1]) - half
@@ -184,12 +184,12 @@ class OverheadView:
         ball, robots = state.ball, state.robots
         if ball.z_m + self._field.ball_radius_m < max((robot.height_m for robot in robots), default=0.0):
             for robot in robots:
-                # no robot throws its side farther than this
+                # the robot's silhouette on the floor does not reach farther than this
                 lean = robot.height_m / max(self.camera.z_m - robot.height_m, 0.1)
                 far = math.hypot(robot.pose.x_m - self.camera.x_m, robot.pose.y_m - self.camera.y_m) * lean + 0.3
                 if math.hypot(robot.pose.x_m - ball.x_m, robot.pose.y_m - ball.y_m) < far:
                     _polygon(mask, self._silhouette(robot) - (left, top), 0)
-        # pixels beyond the image are not seen
+        # pixels outside the image are not visible
         mask[:, : max(-left, 0)] = mask[: max(-top, 0)] = 0
         mask[:, max(SIZE_PX[0] - left, 0) :] = mask[max(SIZE_PX[1] - top, 0) :] = 0
         rows, columns = np.nonzero(mask)
@@ -265,20 +265,20 @@ class OverheadView:
         return center, radius_m * self.camera.focal_length_px / float(self._position[2] - height)
 
     def _silhouette(self, robot: RobotState) -> FloatArray:
-        """Return the outline (N, 2) of a robot in the image: the hull of its foot and its top, pixels."""
+        """Return the outline (N, 2) of a robot in the image, pixels: the convex hull of its foot and its top."""
         both = self.project(np.concatenate([_outline(robot, 0.0), _outline(robot, robot.height_m)]))
         hull = cv2.convexHull(both.astype(np.float32))
         return np.asarray(hull[:, 0], dtype=np.float64)
 
 
 def camera_mounting(rng: np.random.Generator, position_std_m: float, rotation_std_rad: float) -> Mounting:
-    """Return how a camera hangs whose calibration is off by so much, each axis."""
+    """Draw the pose error of a camera, given its standard deviations along and about each axis."""
     x, y, z, roll, pitch, yaw = (rng.standard_normal(6) * ([position_std_m] * 3 + [rotation_std_rad] * 3)).tolist()
     return Mounting((x, y, z), (roll, pitch, yaw))
 
 
 def _outline(robot: RobotState, z_m: float) -> FloatArray:
-    """Return a robot's outline (N, 3) at a height: a disc cut off at its flat front."""
+    """Return a robot's outline (N, 3) at a height, field frame: a disc cut off at its flat front."""
     along = np.minimum(np.cos(_OUTLINE), math.cos(_FRONT_RAD)) * robot.radius_m
     aside = np.sin(_OUTLINE) * robot.radius_m
     return _raised(robot.pose.transform(np.stack([along, aside], axis=1)), z_m)
@@ -294,5 +294,5 @@ def _polygon(image: UInt8Array, corners_px: FloatArray, color: tuple[int, int, i
 
 def _disc(image: UInt8Array, center_px: FloatArray, radius_px: float, color: tuple[int, int, int] | int) -> None:
     center = round(float(center_px[0]) * _SUB), round(float(center_px[1]) * _SUB)
-    # OpenCV's disc takes in the pixels that its edge touches
+    # OpenCV also fills the pixels that the disc's edge touches, so the radius is reduced
     cv2.circle(image, center, round((radius_px - 0.4) * _SUB), color, cv2.FILLED, shift=_SHIFT)

@@ -1,4 +1,4 @@
-"""The simulator's truth as a tracker's packet, and its own referee's."""
+"""Makes the simulator's tracker packets, which hold the truth, and its own referee packets."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from sim2d.network.world import SIDES, Kick, LeagueState
 from sim2d.world.ball_physics import GRAVITY_MPS2, ROLLS_RATIO, BallSettings
 from sim2d.world.state import BallState, RobotState
 
-# the same in every run, so that a reader of a log identifies the truth
+# the same in every run, so that a reader of a log can identify the truth
 TRUTH_UUID, TRUTH_SOURCE = "sim2d-truth", "sim2d"
 REFEREE_SOURCE = "sim2d"
 US_PER_S = 1e6
@@ -43,7 +43,7 @@ _STAGES = {
     "second_half": Stage.NORMAL_SECOND_HALF,
     "post_game": Stage.POST_GAME,
 }
-# each command of a referee here: the packet's for yellow's turn, and for blue's
+# the league's commands for each of the simulator's, if it is yellow's turn and if it is blue's
 COMMANDS: dict[Command, tuple[RefereeCommand, RefereeCommand]] = {
     "halt": (RefereeCommand.HALT,) * 2,
     "stop": (RefereeCommand.STOP,) * 2,
@@ -54,7 +54,7 @@ COMMANDS: dict[Command, tuple[RefereeCommand, RefereeCommand]] = {
     "direct_free": (RefereeCommand.DIRECT_FREE_YELLOW, RefereeCommand.DIRECT_FREE_BLUE),
     "ball_placement": (RefereeCommand.BALL_PLACEMENT_YELLOW, RefereeCommand.BALL_PLACEMENT_BLUE),
 }
-# how each way to go on begins
+# command that begins each kind of restart
 NEXT: dict[Restart, Command] = {
     "kick_off": "prepare_kick_off",
     "free_kick": "direct_free",
@@ -66,7 +66,7 @@ NEXT: dict[Restart, Command] = {
 def tracked_frame(
     number: int, t_s: float, robots: Sequence[RobotState], ball: BallState, yellow_side: int
 ) -> TrackedFrame:
-    """Return a moment as a tracker tells it; yellow is side +1, which attacks the goal at +x, or -1."""
+    """Return a moment as a tracker's frame; `yellow_side` is +1 if yellow attacks the goal at +x, else -1."""
     tracked = tuple(
         TrackedRobot(
             TrackedRobotId(robot.number, Team.YELLOW if robot.side == yellow_side else Team.BLUE),
@@ -83,7 +83,7 @@ def tracked_frame(
 
 
 def tracker_packet(state: LeagueState, frame_number: int, epoch_s: float) -> TrackerPacket:
-    """Return the truth as a tracker would send it: without noise and delay, however real the vision is."""
+    """Return the truth as a tracker would send it: without noise and delay, whatever the vision's realism is."""
     frame = replace(
         tracked_frame(frame_number, epoch_s + state.t_s, state.robots, state.ball, SIDES[Team.YELLOW]),
         kicked_ball=None if state.kick is None else _kicked_ball(state.kick, epoch_s),
@@ -93,7 +93,7 @@ def tracker_packet(state: LeagueState, frame_number: int, epoch_s: float) -> Tra
 
 
 def _kicked_ball(kick: Kick, epoch_s: float) -> KickedBall:
-    """Return a kick, with where and when its ball would lie still: a straight one slides, then rolls."""
+    """Return a kick; if it is flat, with the time and place at which the ball will stop after sliding and rolling."""
     ball, carpet = kick.ball, BallSettings()
     slide_mps2, roll_mps2 = carpet.sliding_friction * GRAVITY_MPS2, carpet.rolling_friction * GRAVITY_MPS2
     speed = math.hypot(ball.vx_mps, ball.vy_mps)
@@ -115,7 +115,7 @@ def _kicked_ball(kick: Kick, epoch_s: float) -> KickedBall:
 
 
 def referee_packet(epoch_s: float, t_s: float) -> Referee:
-    """Return the referee's message that lets everybody play from the beginning: yellow towards +x."""
+    """Return the referee's packet of a game in which all may play from the beginning; yellow plays towards +x."""
     begin_us = round(epoch_s * US_PER_S)
     return Referee(
         packet_time_us=begin_us + round(t_s * US_PER_S),
@@ -133,7 +133,7 @@ def referee_packet(epoch_s: float, t_s: float) -> Referee:
 
 
 def match_packet(referee: LeagueReferee, epoch_s: float, t_s: float, players: int) -> Referee:
-    """Return what the game controller would say of a match that `referee` judges."""
+    """Return the packet that the game controller would send in a match judged by `referee`."""
     begin_us = round(epoch_s * US_PER_S)
     place, coming, left_s = referee.placement_m, referee.next_play, referee.action_left_s(t_s)
     yellow, blue = (

@@ -1,4 +1,4 @@
-"""How real the simulated vision and radio are: not at all, or as teams expect of a realistic simulator."""
+"""Realism of the simulated vision and radio: none, or as teams expect of a realistic simulator."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from robocup_vision.ssl.log import NS_PER_S
 from robocup_vision.ssl.values.simulation import ErForceRealism
 
 MAX_CAMERAS = 16
-# fields of the message that mean the same as one of ours: theirs, ours, how many of theirs make one of ours
+# fields of the message that correspond to ours: their name, ours, their units per unit of ours, largest value of ours
 _FIELDS = (
     ("ball_std_m", "ball_std_m", 1.0, 1.0),
     ("robot_std_m", "robot_std_m", 1.0, 1.0),
@@ -32,38 +32,37 @@ UNSUPPORTED = ("dribbler_ball_detections", "simulate_dribbling")
 
 @dataclass(frozen=True, slots=True)
 class Realism:
-    """What goes wrong, and how much; the defaults: nothing."""
+    """Errors of vision and radio; by default there are none."""
 
-    #: Noise of a detection, per axis.
+    #: Standard deviations of a detection, per axis.
     ball_std_m: float = 0.0
     robot_std_m: float = 0.0
     robot_std_rad: float = 0.0
-    #: Noise of the ball's area.
+    #: Standard deviation of the ball's area.
     ball_area_std_px: float = 0.0
-    #: Of the detections of a ball, how many are missing.
+    #: Fraction of the ball's detections that are missing.
     missing_ball_ratio: float = 0.0
     #: Whether robots hide the ball from cameras.
     hides_ball: bool = False
-    #: A ball of whose area less is to be seen is not found.
+    #: Smallest visible fraction of the ball's area with which it is found.
     min_visible_ratio: float = 0.4
-    #: A flying ball is reported where its ray meets the floor, without a height; otherwise where it is.
+    #: Whether a flying ball is reported where its ray meets the floor, without a height; else at its true place.
     floor_rays: bool = False
-    #: The ball is found in what each camera sees: as much of it as robots leave in view, at the middle of those
-    #: pixels.
+    #: Whether the ball is found in each camera's image, at the middle of the pixels that robots leave visible.
     finds_ball_in_images: bool = False
-    #: By how much each camera hangs otherwise than its calibration says, per axis.
+    #: Standard deviations of each camera's true mounting about its calibration, per axis.
     camera_position_std_m: float = 0.0
     camera_rotation_std_rad: float = 0.0
-    #: Cameras along x and along y.
+    #: Number of cameras along x and along y.
     camera_columns: int = 1
     camera_rows: int = 1
-    #: Strip that two neighbouring cameras both see.
+    #: Width of the strip that two neighbouring cameras both see.
     camera_overlap_m: float = 0.0
-    #: From exposure to reception.
+    #: Time from exposure to reception.
     vision_delay_s: float = 0.0
-    #: Of those, from exposure to `t_sent`.
+    #: Part of it from exposure to `t_sent`.
     processing_s: float = 0.0
-    #: Of the robots' commands and answers, how many are lost.
+    #: Fractions of the robots' commands and responses that are lost.
     command_loss: float = 0.0
     response_loss: float = 0.0
 
@@ -87,7 +86,7 @@ _RC2021 = Realism(
 REALISMS = {
     "none": Realism(),
     "rc2021": _RC2021,
-    # cameras that look: as noisy as those of the league, calibrated to about a centimetre at the field's border
+    # the ball is found in images; noise as in the league, calibrated to about a centimetre at the field's border
     "cameras": dataclasses.replace(
         _RC2021,
         ball_std_m=0.0005,
@@ -104,12 +103,12 @@ REALISMS = {
 
 
 def realism_named(name: str, cameras: str | None = None) -> Realism:
-    """Return the realism of a name; raises `ArgumentError` if there is none, or for wrong words on cameras.
+    """Return the realism with a name; raises `ArgumentError` if it is unknown, or `cameras` is not valid.
 
     Parameters
     ----------
     cameras : str, optional
-        How many cameras, along x and along y, e.g. ``4x2``; default: those of the realism.
+        Number of cameras along x and along y, e.g. ``4x2``; default: as in the realism.
     """
     if name not in REALISMS:
         raise ArgumentError(f"there is no realism {name!r}, only {', '.join(REALISMS)}")
@@ -124,7 +123,7 @@ def realism_named(name: str, cameras: str | None = None) -> Realism:
 
 
 def changed_realism(realism: Realism, message: ErForceRealism) -> Realism:
-    """Return a realism with what a message sets; raises `ArgumentError` for numbers out of range."""
+    """Return a realism with the changes of a message; raises `ArgumentError` for numbers out of range."""
     changes: dict[str, float | bool] = {}
     for theirs, ours, per_unit, largest in _FIELDS:
         value = getattr(message, theirs)

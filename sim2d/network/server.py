@@ -1,8 +1,8 @@
-"""The simulator's sockets and clock: publishes when a packet is due, and answers in between.
+"""The simulator's sockets and clock: publishes packets when they are due, and answers requests in between.
 
-One thread does it all. Requests are read as they come, for a limited time between two steps of the physics: whoever
-floods a port loses datagrams, and slows nobody. A step is worked out shortly before it is due, so that its packets go
-out at the moment that they tell of, however long the work took.
+One thread does all of this. Between two steps of the physics, requests are read for a limited time: a client that
+floods a port loses datagrams and does not slow the others. A step is computed shortly before it is due, so that its
+packets are sent at the time that they describe, independent of the computing time.
 """
 
 from __future__ import annotations
@@ -44,45 +44,47 @@ from sim2d.network.packets import REFEREE_SOURCE
 from sim2d.network.sync_server import SyncServer
 from sim2d.world.physics import STEP_S
 
-# stamps are off this machine's clock by no more
+# largest difference between time stamps and this machine's clock
 _CLOCK_OFF_S = 0.0005
 
 
 # time for requests between two steps: a step of the physics takes 0.2 ms, a period 3.3 ms
 _REQUEST_TIME_S = 0.002
-# a server that is later than this goes on from now, instead of hurrying to catch up
+# a server that is later than this gives up the lost time instead of catching up
 _MAX_BEHIND_S = 0.25
-# a step is computed so long before it is due: with vision of 11 against 11 it takes 1 ms. Requests that come meanwhile
-# wait for the next step.
+# time by which a step is computed before it is due, 1 ms for 11 against 11; later requests wait for the next step
 _AHEAD_S = 0.002
-# a sleep ends late by about this: the rest is waited for without sleeping
+# a sleep may end late by about this: the last part of a wait is a busy loop
 _SPIN_S = 0.0003
-# while the simulation is paused or slow, requests are waited for in turns of this length
+# longest single wait for requests, also while the simulation is paused
 _PAUSED_WAIT_S = 0.05
-# without a clock, requests are answered every so many steps
+# at infinite speed, requests are answered after this number of steps
 _REQUEST_STEPS = 5
-# so many latenesses of vision packets are stored: half an hour of them
+# number of stored latenesses of vision packets: about half an hour
 _LATENESSES = 100_000
 
 
 @dataclass(frozen=True, slots=True)
 class Ports:
-    """Where the simulator listens and publishes; vision's port is the simulator's, for it can be commanded."""
+    """The ports on which the simulator listens and publishes, except vision's, which clients can change.
 
-    #: Of the simulation control; blue robots are commanded at the next port, yellow ones at the one after.
+    That one is `LeagueSimulator.vision_port`.
+    """
+
+    #: Port of the simulation control; blue robots are commanded at the next port, yellow ones at the one after.
     control: int = SIMULATION_PORT
-    #: Of those groups.
+    #: Ports of the multicast groups of tracker and referee.
     tracker: int = TRACKER_PORT
     referee: int = REFEREE_PORT
 
     @property
     def blue(self) -> int:
-        """Of the blue robots."""
+        """Port of the blue robots."""
         return self.control + 1
 
     @property
     def yellow(self) -> int:
-        """Of the yellow robots."""
+        """Port of the yellow robots."""
         return self.control + 2
 
 
@@ -92,26 +94,26 @@ class LeagueServer(Closing):
     Parameters
     ----------
     interface : str
-        ``loopback``, a network interface's name or its IPv4 address. Requests are taken on the loopback too.
+        ``loopback``, a network interface's name or its IPv4 address. Requests are accepted on the loopback, too.
     controller : ControllerLink, optional
-        A game controller that the simulator is the referee's eyes and hands of.
+        A game controller, for which the simulator detects events and places the ball.
     own_referee_returns : bool
-        Whether the simulator's own referee speaks again when a game controller that was heard has been silent: a match
-        that goes on by itself because a program crashed surprises people.
+        Whether the simulator's own referee takes over when a game controller has become silent. By default it does
+        not: a match that continues by itself after the controller has crashed would surprise its users.
 
     Attributes
     ----------
     lateness_s : deque of float
-        How late the last vision packets went out.
+        Delays of the last vision packets.
     behind_s : float
-        How much time was given up because the machine could not keep up.
+        Total time that was given up because the machine was too slow.
     problems : Problems
-        What was odd about those who send.
+        Problems with received packets.
 
     Raises
     ------
     ArgumentError
-        If the interface or a port cannot be had.
+        If the interface does not exist or a port cannot be opened.
     """
 
     def __init__(
@@ -150,8 +152,8 @@ class LeagueServer(Closing):
         self._opened.close()
 
     def run(self, goes_on: Callable[[], bool]) -> None:
-        """Serve for as long as a function, which is called before every step, returns true."""
-        # a collection of garbage looks at what was made since: packets, and not the whole program
+        """Serve as long as `goes_on`, which is called before every step, returns true."""
+        # frozen objects are skipped by later garbage collections, which then take much less time
         gc.collect()
         gc.freeze()
         try:
@@ -162,7 +164,7 @@ class LeagueServer(Closing):
             gc.unfreeze()
 
     def turn(self) -> None:
-        """Wait until the next step is due, answering in between, and take it; paused, only answer for a while."""
+        """Answer requests until the next step is due, and take the step; while paused, only answer for a while."""
         simulator = self.simulator
         if simulator.speed != self._speed:
             self._speed = simulator.speed
@@ -203,7 +205,7 @@ class LeagueServer(Closing):
             self._heard_referee = not self._own_referee_returns
         simulator.publishes_referee = not self._heard_referee
         if due_s is not None and self._speed == 1:
-            # the machine's clock may have been set, and pauses have passed
+            # keep simulated time equal to the machine's clock, also after pauses and changes of the clock
             epoch_s = due_s + (time.time() - time.monotonic()) - (simulator.world.steps + 1) * STEP_S
             if abs(epoch_s - simulator.epoch_s) > _CLOCK_OFF_S:
                 simulator.epoch_s = epoch_s
@@ -228,7 +230,7 @@ class LeagueServer(Closing):
             Channel.TRACKER: (TRACKER_GROUP, self.ports.tracker),
             Channel.REFEREE: (REFEREE_GROUP, self.ports.referee),
         }
-        # vision first: it is what others wait for
+        # vision first, since clients wait for it
         for channel, data in sorted(packets, key=lambda packet: packet[0] is not Channel.VISION):
             try:
                 self._sender.sendto(data, addresses[channel])
@@ -239,14 +241,14 @@ class LeagueServer(Closing):
                 self.lateness_s.append(time.monotonic() - due_s)
 
     def _answer(self, wait_s: float) -> None:
-        """Wait for requests at most so long, and answer those that are there for a limited time."""
+        """Wait for requests for at most `wait_s`, and answer those that have arrived, for a limited time."""
         steps = self._sync.sockets
         ready, _, _ = select.select([self._referee, *self._sockets, *steps], [], [], wait_s)
         if not ready:
             return
         begin_s = time.monotonic()
         for place, listening in enumerate(ready, 1):
-            # whoever floods one port leaves their time to the others
+            # each socket has its own share of the time, which a flooded port cannot take from the others
             end_s = begin_s + _REQUEST_TIME_S * place / len(ready)
             if listening in steps:
                 self._sync.serve(listening, self._answer_step)
@@ -279,7 +281,7 @@ class LeagueServer(Closing):
         except PacketError as error:
             self.problems.add("bad datagrams of the referee", f"from the referee's group: {error}")
             return
-        # one that is driven answers by itself; what it publishes says the same
+        # a controller that the simulator drives has already returned the same packet as its answer
         if packet.source_identifier != REFEREE_SOURCE and not (
             self._controller is not None and self._controller.drives
         ):
@@ -299,7 +301,7 @@ class LeagueServer(Closing):
         try:
             listening.sendto(answer, peer)
         except (BlockingIOError, OSError):
-            # whoever asked is gone, or does not read
+            # the client has gone, or does not read
             return
 
 

@@ -1,6 +1,6 @@
-"""The simulator's TCP ports: synchronous steps as in the league's draft, a request and its answer at a time.
+"""The simulator's TCP ports: synchronous steps as in the league's draft, one request and answer at a time.
 
-Each message comes after its size as a varint. A client that sends rubbish, or does not read, loses its connection.
+Each message is preceded by its size as a varint. A client that sends invalid data, or does not read, is disconnected.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from robocup_vision.ssl.framed import CHUNK_BYTES, take_frame, varint
 from robocup_vision.ssl.sockets import error_words
 from robocup_vision.ssl.values.simulation import Team
 
-# a team, its opponent and a referee need three
+# largest number of connections; two teams and a referee need three
 _MAX_CONNECTIONS = 8
 _SEND_S = 0.2
 
@@ -27,9 +27,9 @@ class SyncServer(Closing):
     Parameters
     ----------
     ports : dict of int to (Team or None)
-        Which port is whose; None: the control's.
+        Team of each port; None: the port for simulation control.
     most_bytes : int
-        A larger request is refused.
+        Largest size of a request.
     """
 
     def __init__(self, addresses: Iterable[str], ports: dict[int, Team | None], most_bytes: int) -> None:
@@ -51,7 +51,7 @@ class SyncServer(Closing):
 
     @property
     def sockets(self) -> tuple[socket.socket, ...]:
-        """What to wait for."""
+        """Sockets to wait for."""
         return (*self._listening, *self._connected)
 
     def close(self) -> None:
@@ -61,7 +61,7 @@ class SyncServer(Closing):
         self._listening, self._connected = {}, {}
 
     def serve(self, ready: socket.socket, answer: Answer) -> None:
-        """Take what a socket of `sockets` has: a connection, or one request, which is answered."""
+        """Handle a ready socket of `sockets`: accept a connection, or read data and answer the complete requests."""
         if ready in self._listening:
             self._accept(ready)
             return
@@ -72,7 +72,7 @@ class SyncServer(Closing):
                 self._drop(ready)
                 return
             buffer += data
-            # one that sends more than a request and its answer allow does not wait for answers
+            # there is more than one only if the client does not wait for answers
             while (frame := take_frame(buffer, self._most_bytes)) is not None:
                 reply = answer(team, frame)
                 ready.sendall(varint(len(reply)) + reply)

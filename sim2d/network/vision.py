@@ -1,4 +1,4 @@
-"""What overhead cameras report of the truth: detections with noise, hidden balls, the geometry, and saved images."""
+"""Simulated overhead vision: detections with noise and hidden balls, the geometry, and saved images."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from sim2d.world.state import RobotState
 MAX_PACKET_BYTES = 1024
 TABLE = "images.csv"
 COLUMNS = ("image", "camera_id", "frame_number", "t_capture_s")
-# where on a ball its visible part is probed: its centre and two rings of equal areas
+# points of a ball's disc at which visibility is tested: its centre and two rings, each for an equal area
 _RINGS = ((1, 0.0, 0.0), (6, 0.58, 0.0), (12, 0.88, math.pi / 12))
 _PROBES = tuple(
     (radius * math.cos(phase + k * math.tau / count), radius * math.sin(phase + k * math.tau / count))
@@ -61,7 +61,7 @@ class OverheadVision:
         return tuple(self._frame_numbers)
 
     def geometry_packets(self, flight: Flight) -> list[bytes]:
-        """Return field, ball models and cameras, as many cameras a packet as a client with a small buffer reads."""
+        """Return packets with field, ball models and cameras, each small enough for a client with a small buffer."""
         carpet = BallSettings()
         slide_mps2, roll_mps2 = carpet.sliding_friction * GRAVITY_MPS2, carpet.rolling_friction * GRAVITY_MPS2
         rolling = RollingBall(-slide_mps2, -roll_mps2, ROLLS_RATIO)
@@ -70,7 +70,7 @@ class OverheadVision:
         return _geometry_packets(geometry, tuple(camera.calibration for camera in self.cameras))
 
     def capture(self, state: LeagueState, epoch_s: float) -> list[DetectionFrame]:
-        """Return one frame of each camera; the simulation began at so many seconds since 1970."""
+        """Return one frame of each camera; the simulation began `epoch_s` seconds after 1970."""
         return [self._frame(index, state, epoch_s + state.t_s) for index in range(len(self.cameras))]
 
     def _frame(self, index: int, state: LeagueState, t_s: float) -> DetectionFrame:
@@ -99,21 +99,21 @@ class OverheadVision:
         x, y = pose.x_m + realism.robot_std_m * noise[0], pose.y_m + realism.robot_std_m * noise[1]
         u, v = camera.pixel(x, y, robot.height_m)
         if self._is_misplaced:
-            # where it is in the image, carried to the field by the calibration
+            # project into the image by the true camera pose, and back to the field by the calibration
             u, v = self.views[index].pixel(x, y, robot.height_m)
             x, y = self.views[index].on_field(u, v, robot.height_m)
         angle = wrap_angle(pose.theta_rad + realism.robot_std_rad * noise[2])
         return DetectionRobot(1.0, robot.number, x, y, angle, u, v, robot.height_m)
 
     def _ball_in_view(self, index: int, state: LeagueState) -> DetectionBall | None:
-        """Return the ball as its pixels in the image show it."""
+        """Return the ball as detected by its visible pixels in the image; None if it is not detected."""
         realism, view = self.realism, self.views[index]
         missing = self._rng.random()
         dx, dy = self._rng.standard_normal(2).tolist()
         seen = view.ball(state)
         if seen is None or missing < realism.missing_ball_ratio or seen.visible_ratio < realism.min_visible_ratio:
             return None
-        # vision takes every ball for one that lies on the floor
+        # vision assumes that every ball lies on the floor
         x, y = view.on_field(seen.u_px, seen.v_px, self.field.ball_radius_m)
         if not self.cameras[index].covers(x, y):
             return None
@@ -145,9 +145,9 @@ class OverheadVision:
 
 
 def visible_ratio(camera: OverheadCamera, state: LeagueState, ball_radius_m: float) -> float:
-    """Return the visible fraction of the ball's disc past the robots, upright cylinders."""
+    """Return the fraction of the ball's disc that robots, upright cylinders, do not hide."""
     ball = state.ball
-    # a robot hides what lies behind it as far as the ray over its rim takes to come down
+    # a robot hides the floor behind it up to where the ray over its rim reaches the floor
     near = [
         robot
         for robot in state.robots
@@ -170,7 +170,7 @@ def visible_ratio(camera: OverheadCamera, state: LeagueState, ball_radius_m: flo
 
 
 def _is_behind(camera: OverheadCamera, robot: RobotState, x: float, y: float, z: float) -> bool:
-    """Return whether the ray from a point to the camera meets a robot before it has risen above it."""
+    """Return whether a robot is on the ray from a point to the camera, below the robot's height."""
     along = min((robot.height_m - z) / (camera.z_m - z), 1.0)
     dx, dy = (camera.x_m - x) * along, (camera.y_m - y) * along
     off_x, off_y = robot.pose.x_m - x, robot.pose.y_m - y
@@ -180,7 +180,7 @@ def _is_behind(camera: OverheadCamera, robot: RobotState, x: float, y: float, z:
 
 
 def detection_packets(frame: DetectionFrame) -> list[bytes]:
-    """Return a frame as packets that every client's buffer holds; a crowd takes more than one."""
+    """Return a frame as packets that fit into every client's buffer; many robots need more than one packet."""
     data = encode(VisionPacket(frame, source=Source.OTHER))
     if len(data) <= MAX_PACKET_BYTES:
         return [data]
@@ -199,12 +199,12 @@ def _geometry_packets(geometry: Geometry, cameras: tuple[CameraCalibration, ...]
 
 
 class CameraImages(Closing):
-    """Saves what each overhead camera saw, and in images.csv to which detection frame each picture belongs. Close it.
+    """Saves images of each overhead camera, and in images.csv the detection frame of each. Close it.
 
     Parameters
     ----------
     every : int
-        Of each camera every so many frames, 60 a second.
+        One of this many frames of each camera is saved; a camera has 60 frames per second.
 
     Raises
     ------
@@ -231,7 +231,7 @@ class CameraImages(Closing):
         self._file.close()
 
     def add(self, vision: OverheadVision, state: LeagueState, epoch_s: float) -> None:
-        """Save what the cameras saw in the frames that they have just taken, if it is their turn."""
+        """Save the images of the frames that the cameras have just taken, if they are due."""
         for view, number in zip(vision.views, vision.frame_numbers, strict=True):
             if number % self._every:
                 continue

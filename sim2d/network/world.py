@@ -23,16 +23,16 @@ MAX_NUMBER = 15
 SIDES = {Team.YELLOW: 1, Team.BLUE: -1}
 TEAM_OF = {side: team for team, side in SIDES.items()}
 _APART_M = 0.002
-# a robot that has had no command for so long brakes until it stands
+# a robot that has had no command for this time brakes to a stop
 COMMAND_LASTS_S = 0.1
 _STAND = Order()
-# a kicked ball is one until it is slower, or somebody else is as near
+# a ball counts as kicked until it is slower than this, or another robot comes this near to it
 _STILL_MPS, _TOUCH_M = 0.05, 0.005
 
 
 @dataclass(frozen=True, slots=True)
 class Kick:
-    """Who has kicked the ball, when, and the ball then."""
+    """A kick: the robot, the time, and the ball's state just after it."""
 
     team: Team
     number: int
@@ -42,7 +42,7 @@ class Kick:
 
 @dataclass(frozen=True, slots=True)
 class LeagueState:
-    """Everything at one moment: yellow robots first, each team in order of its numbers; a kick while the ball moves."""
+    """The true state at one moment: robots, yellow first, by number; ball; last kick, None once its effect is over."""
 
     t_s: float
     robots: tuple[RobotState, ...]
@@ -51,14 +51,14 @@ class LeagueState:
 
 
 class LeagueWorld:
-    """A field, a ball and whoever is put there. What names a robot raises `ArgumentError` if it is not on the field.
+    """A field with a ball and robots. Methods that name a robot raise `ArgumentError` if it is not on the field.
 
     Attributes
     ----------
     steps : int
-        Of the physics, since the start.
+        Number of physics steps since the start.
     flight : Flight
-        How a chipped ball flies.
+        Parameters of a chipped ball's flight.
     """
 
     def __init__(self, field: Field, flight: Flight) -> None:
@@ -81,17 +81,17 @@ class LeagueWorld:
 
     @property
     def ball(self) -> BallState:
-        """Where the ball is and how it moves."""
+        """Position and velocity of the ball."""
         return self._ball.state
 
     @property
     def state(self) -> LeagueState:
-        """The truth."""
+        """The true state of everything."""
         robots = tuple(self._robots[key].state(index) for index, key in enumerate(sorted(self._robots)))
         return LeagueState(self.t_s, robots, self._ball.state, self._kick_of(self._ball.state))
 
     def step(self) -> None:
-        """Go on by one physics step."""
+        """Advance by one physics step."""
         t_s = self.t_s
         orders = [self._orders[key].at(t_s, robot) for key, robot in self._robots.items()]
         for event in self._physics.step(orders, t_s):
@@ -101,7 +101,7 @@ class LeagueWorld:
         self.steps += 1
 
     def _kick_of(self, ball: BallState) -> Kick | None:
-        """Return the last kick while its ball rolls or flies, and nobody else has touched it."""
+        """Return the last kick while its ball rolls or flies and no other robot has touched it."""
         kick = self._kick
         if kick is None:
             return None
@@ -134,7 +134,7 @@ class LeagueWorld:
             raise ArgumentError(f"robot {number} of {team.name.lower()} is on the field already")
         key, spec, pose = _key(team, number), self.spec(team, number), self._apart(team, number, pose)
         self._orders[key] = HeldOrders(spec)
-        # nothing is left to chance: every deviation of a perfect body is none
+        # a perfect body has no random errors, so the generator has no effect
         return self._physics.add((key, SIDES[team], number), pose, spec, PERFECT, np.random.default_rng(0))
 
     def place(
@@ -145,15 +145,15 @@ class LeagueWorld:
         velocity_mps: tuple[float, float] = (0.0, 0.0),
         turn_rps: float = 0.0,
     ) -> None:
-        """Put a robot that is on the field somewhere, moving in the field frame."""
+        """Move a robot that is on the field to a pose, with a velocity in the field frame."""
         self.robot(team, number).place(self._apart(team, number, pose), velocity_mps, turn_rps)
 
     def _apart(self, team: Team, number: int, pose: Pose2) -> Pose2:
-        """Return a pose beside another robot's centre: two in one point have no direction in which to come apart."""
+        """Return a pose that is not exactly at another robot's centre: contacts need a direction to separate them."""
         others = [robot.pose for key, robot in self._robots.items() if key != _key(team, number)]
         if all(math.hypot(other.x_m - pose.x_m, other.y_m - pose.y_m) >= _APART_M for other in others):
             return pose
-        # each in a direction of its own, so that any number of them come apart
+        # each robot in its own direction, so that any number of them are separated
         angle = math.tau * _key(team, number) / (2 * (MAX_NUMBER + 1))
         return Pose2(pose.x_m + _APART_M * math.cos(angle), pose.y_m + _APART_M * math.sin(angle), pose.theta_rad)
 
@@ -163,11 +163,11 @@ class LeagueWorld:
         del self._robots[_key(team, number)], self._orders[_key(team, number)]
 
     def spec(self, team: Team, number: int) -> RobotSpec:
-        """Return what a robot is like, on the field or not."""
+        """Return a robot's specification, whether it is on the field or not."""
         return self._specs.get(_key(team, number)) or RobotSpec(radius_m=self.field.robot_radius_m)
 
     def set_spec(self, team: Team, number: int, spec: RobotSpec) -> None:
-        """Change what a robot is like; one on the field keeps its place and velocity."""
+        """Change a robot's specification; a robot on the field keeps its pose and velocity."""
         self._specs[_key(team, number)] = spec
         if self.has(team, number):
             old = self.robot(team, number)
@@ -176,7 +176,7 @@ class LeagueWorld:
             self.add(team, number, pose).place(pose, (velocity[0], velocity[1]), turn)
 
     def set_field(self, field: Field, flight: Flight) -> None:
-        """Lay out another field; robots keep their places, and the ball lies at the centre."""
+        """Replace the field; robots keep their poses, and the ball lies at the centre."""
         robots = tuple(self._robots.values())
         self._build(field, flight)
         for robot in robots:
@@ -192,7 +192,7 @@ class LeagueWorld:
         return self.robot(team, number).holds(self._ball)
 
     def place_ball(self, state: BallState, *, rolls: bool = True) -> None:
-        """Put the ball somewhere with a velocity: rolling, or sliding as if kicked."""
+        """Move the ball, with a velocity: rolling, or sliding as after a kick."""
         self._kick = None
         self._ball.place(state.x_m, state.y_m, state.vx_mps, state.vy_mps)
         if not rolls:
@@ -200,7 +200,7 @@ class LeagueWorld:
         self._ball.throw(state.z_m, state.vz_mps)
 
     def make_room(self, x_m: float, y_m: float) -> None:
-        """Move robots out of the way of a ball at a place, and stop those near it."""
+        """Move robots away from a ball at a place, and stop those near it."""
         for robot in self._robots.values():
             pose = robot.pose
             dx, dy = pose.x_m - x_m, pose.y_m - y_m
@@ -214,12 +214,12 @@ class LeagueWorld:
 
 
 def _key(team: Team, number: int) -> int:
-    """Return the index of a robot among all that there can be, yellow first."""
+    """Return the index of a robot among all possible ones, yellow first."""
     return number + (MAX_NUMBER + 1) * (team == Team.BLUE)
 
 
 class HeldOrders:
-    """The last commands of one robot: the next one keeps what it leaves out, for a tenth of a second."""
+    """The last command of one robot. The next command keeps values that it omits, if it comes within 0.1 s."""
 
     def __init__(self, spec: RobotSpec) -> None:
         self._spec = spec
@@ -228,8 +228,8 @@ class HeldOrders:
         self._turns_along = False
 
     def obey(self, command: RobotCommand, t_s: float) -> None:
-        """Take a command at a time; what it leaves out stays as it was."""
-        # old values must not come back with a later command that leaves them out
+        """Take in a command at a time; values that it omits are kept."""
+        # values of an expired command must not return with a later command that omits them
         held = _STAND if t_s > self._obeys_until_s else self._held
         velocity = held[:3]
         if command.move is not None:
@@ -245,7 +245,7 @@ class HeldOrders:
         self._obeys_until_s = t_s + COMMAND_LASTS_S
 
     def _velocity(self, move: MoveCommand) -> tuple[float, float, float]:
-        """Return what a command wants: over the carpet, or forward and left, and the turn."""
+        """Return a command's velocity: field axes for a world velocity, otherwise forward and left; and the turn."""
         if move.world is not None:
             return move.world.x_mps, move.world.y_mps, move.world.turn_rps
         if move.local is not None:
@@ -253,7 +253,7 @@ class HeldOrders:
         return (0.0, 0.0, 0.0) if move.wheels is None else body_velocity(self._spec, move.wheels)
 
     def at(self, t_s: float, robot: RobotBody) -> Order:
-        """Return the order over the carpet at a time."""
+        """Return the order at a time, with its velocity along the field's axes."""
         if t_s > self._obeys_until_s:
             return _STAND
         if not self._turns_along:
@@ -264,7 +264,7 @@ class HeldOrders:
 
 
 def body_velocity(spec: RobotSpec, wheels: WheelVelocities) -> tuple[float, float, float]:
-    """Return forward, left and turning velocity that fit the wheels' rim speeds best (least squares)."""
+    """Return the forward, left and turning velocity that fits the wheels' rim speeds best (least squares)."""
     rims = wheels.front_right_mps, wheels.back_right_mps, wheels.back_left_mps, wheels.front_left_mps
     matrix = [[-math.sin(angle), math.cos(angle), spec.radius_m] for angle in spec.wheel_angles_rad]
     forward, left, turn = np.linalg.lstsq(np.array(matrix), np.array(rims), rcond=None)[0].tolist()

@@ -1,1 +1,1 @@
-"""The built-in players, which command a robot from its camera frames and odometry alone."""
+"""The built-in players, which command a robot using only its camera frames, odometry and team messages."""

@@ -21,11 +21,11 @@ from sim2d.robot_link import Point
 
 # standard deviation of a ball in the robot's mouth, along each axis
 _MOUTH_STD_M = 0.01
-# bounds for a ball beyond the floor: standard deviation of its bearing, a pixel of a small frame; and correlation
+# bounds for a ball that seems to lie beyond the floor: least standard deviation of bearing, and greatest correlation
 _MIN_BEARING_STD_RAD, _MAX_CORRELATION = 0.005, 0.99
 
 
-# Time after which an unseen ball may be anywhere: a kicked one crosses a field in it.
+# Time after which an unseen ball may be anywhere, since a kicked one crosses the field in it.
 _FORGET_S = 4.0
 # Weight of a new velocity, which is noisy if computed from two positions a frame apart.
 _VELOCITY_GAIN = 0.4
@@ -33,15 +33,14 @@ _VELOCITY_GAIN = 0.4
 _MAX_GAP_S = 0.25
 # Greatest speed of a ball; a faster one is a wrong detection.
 _MAX_SPEED_MPS = 4.0
-# Time after which a ball that is not seen at a visible place is not there.
+# Time after which a ball that is not detected at a visible place is taken to be gone.
 _MISSED_S = 0.5
 # Greatest distance at which a reported ball is rejected if the robot sees the floor there, because small cameras
 # miss far balls.
 _REPORTED_MISSED_M = 1.0
 # Time after which an unseen ball is assumed to be hidden by the robot that held it.
 _HIDDEN_S = 0.15
-# Distance of a ball from another robot's centre, in reaches (robot radius plus ball radius), within which it is
-# held.
+# Another robot holds the ball if it is within this distance of the robot's centre, in units of robot plus ball radius.
 TAKEN_REACHES = 2.0
 
 
@@ -75,20 +74,20 @@ class BallMemory:
         self._place, self._seen_s = place, t_s
 
     def miss(self) -> None:
-        """Update with the ball missing at its last place."""
+        """Forget the ball's place, because it is not seen there."""
         self._place = None
 
     def place(self, t_s: float) -> Point | None:
-        """Return its last place, field frame; None after too long a time."""
+        """Return the ball's last place, field frame; None if it has not been seen for too long."""
         return self._place if self.age_s(t_s) <= _FORGET_S else None
 
     @property
     def velocity_mps(self) -> Point:
-        """Its last velocity, field frame."""
+        """The ball's last velocity, field frame."""
         return self._velocity
 
     def age_s(self, t_s: float) -> float:
-        """Return the seconds since it was last seen."""
+        """Return the seconds since the ball was last seen."""
         return t_s - self._seen_s
 
 
@@ -113,7 +112,7 @@ class HiddenBall:
         self._carrier = nearest if is_taken else None
 
     def place(self, robot: Point, tracks: Sequence[Track], age_s: float) -> tuple[Point, Point] | None:
-        """Return the hidden ball's place and velocity; None if no known robot holds it."""
+        """Return place and velocity, field frame, of a ball hidden behind its holder; None if no track holds it."""
         track = next((track for track in tracks if track.number == self._carrier), None)
         if track is None:
             return None
@@ -135,7 +134,7 @@ def block_ball(free_space: FreeSpace, ball: Point, radius_m: float) -> FreeSpace
 
 
 def is_in_sight(free_space: FreeSpace, place: Point) -> bool:
-    """Whether a place on the floor (robot frame) is visible."""
+    """Whether a place on the floor (robot frame) is in view and not hidden."""
     off = np.abs(np.remainder(free_space.bearing_rad - math.atan2(place[1], place[0]) + math.pi, math.tau) - math.pi)
     nearest = int(np.argmin(off))
     return bool(off[nearest] < math.radians(5) and free_space.range_m[nearest] >= math.hypot(*place))
@@ -143,7 +142,7 @@ def is_in_sight(free_space: FreeSpace, place: Point) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class KnownBall:
-    """The present ball, field frame: metres, metres per second; no place if it is unknown."""
+    """The ball now, field frame: metres, metres per second; `place` is None if it is unknown."""
 
     place: Point | None
     velocity_mps: Point
@@ -159,7 +158,7 @@ class NoddingCamera:
     blind_m: float
 
     def within(self, robot: Pose2, ball: Pose2) -> Pose2:
-        """Return the place of a ball (robot frame): beyond the floor, that where its ray leaves the floor."""
+        """Return a ball's place, robot frame; a ball beyond the floor is moved to where its ray leaves the floor."""
         here, there = (robot.x_m, robot.y_m), robot.compose(ball)
         part = 1.0
         for start, end, limit_m in zip(here, (there.x_m, there.y_m), self.limits_m, strict=True):
@@ -193,7 +192,7 @@ class BallKnowledge:
         self._nods = nods
         self._moved_s = -math.inf
         self._memory = BallMemory()
-        # sightings for messages are filtered, too, because others get only two of thirty each second
+        # sightings for messages are filtered, too, because the others receive only two of thirty each second
         self._track = None if talk is None and nods is None else BallTrack()
         self._hidden = HiddenBall(reach_m) if hides else None
         self._known: KnownBall | None = None
@@ -205,7 +204,7 @@ class BallKnowledge:
         return None if self._track is None else self._track.sighting
 
     def place(self, t_s: float) -> Point | None:
-        """Return the ball's place by the player's own last sighting, or with messages by all."""
+        """Return the ball's place, field frame, by the player's own sightings; with messages, by those of all."""
         if self._talk is not None and self._known is not None and self._known_t_s == t_s:
             return self._known.place
         return self._memory.place(t_s)
@@ -289,7 +288,7 @@ class BallKnowledge:
         if own.place is None:
             sighting = None
         elif is_hidden and sighting is not None:
-            # it moves with the robot that has it
+            # a hidden ball moves with its holder, whose next motion is unknown
             sighting = BallSighting(sighting.t_s, *own.place, 0.0, 0.0, sighting.covariance)
         if talk.is_own_enough(sighting, t_s):
             return own
@@ -299,7 +298,7 @@ class BallKnowledge:
         return KnownBall((fused.x_m, fused.y_m), (fused.vx_mps, fused.vy_mps))
 
     def _covariance(self, ball: Ball, mount: Pose2) -> FloatArray:
-        """Return the covariance of a ball, robot frame, that is moved to `mount`, a nearer place on its ray."""
+        """Return the covariance (2, 2), robot frame, of a ball that was moved along its ray to the nearer `mount`."""
         range_m = math.hypot(mount.x_m, mount.y_m)
         nearer = range_m / max(math.hypot(ball.x_m, ball.y_m), 1e-9)
         if nearer == 1.0:
@@ -307,13 +306,13 @@ class BallKnowledge:
         # errors across the ray grow with the range, those along it with its square
         x, y = mount.x_m / max(range_m, 1e-9), mount.y_m / max(range_m, 1e-9)
         on_ray = np.array([[x, -y], [y, x]])
-        (along, both), (_, across) = (on_ray.T @ ball.covariance @ on_ray).tolist()
-        # near the horizon a ball is so far away that rounding hides the accuracy of its bearing
+        (along, cross), (_, across) = (on_ray.T @ ball.covariance @ on_ray).tolist()
+        # near the horizon the range is so large that rounding makes the bearing's variance meaningless
         across = max(nearer**2 * across, (_MIN_BEARING_STD_RAD * range_m) ** 2)
         along = max(nearer**4 * along, across)
-        most = _MAX_CORRELATION * math.sqrt(along * across)
-        both = max(-most, min(most, nearer**3 * both))
-        return np.asarray(on_ray @ np.array([[along, both], [both, across]]) @ on_ray.T)
+        bound = _MAX_CORRELATION * math.sqrt(along * across)
+        cross = max(-bound, min(bound, nearer**3 * cross))
+        return np.asarray(on_ray @ np.array([[along, cross], [cross, across]]) @ on_ray.T)
 
     def _update(self, place: Point, robot: PoseEstimate, mount: Pose2, covariance: FloatArray, t_s: float) -> None:
         if self._track is not None:

@@ -1,6 +1,6 @@
 """The built-in player: commands for one robot from its camera frames and odometry alone.
 
-`Vision` and `Memory` estimate, `tactics` decides in the team's frame, `driving` finds the way and the command.
+`Vision` and `Memory` estimate, `tactics` decides in the team's frame, `driving` plans the way and makes the command.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ from sim2d.players.team_talk import TeamTalk
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, Phase, Player, PlayerSetup, PlayerStatus, Point, Reason, Senses
 
 _NO_MOTION = Pose2(0.0, 0.0, 0.0)
-# of its pose when a match begins with a kick-off: standard deviations of 5 cm and 3 degrees
+# covariance of the robot's pose at the kick-off that begins a match: standard deviations of 5 cm and 3 degrees
 _START_COVARIANCE = np.diag([0.05, 0.05, math.radians(3.0)]) ** 2
 # margin of the filtered free floor, see `SteadyFreeSpace`
 _FLOOR_MARGIN_RATIO = 0.02
-# greatest age of a frame by whose free space it drives, because obstacles move; then it stops
+# greatest age of a frame whose free space is used for driving, since obstacles move; after that the robot stops
 _MAX_FRAME_AGE_S = 0.4
-# least time between looks with a pinhole camera while no pose is expected: a search of the whole field takes as long as
-# several other looks, and errors of close frames are correlated
+# shortest time between looks with a pinhole camera while no pose is expected: a search of the whole field takes as long
+# as several other looks, and the errors of successive frames are correlated
 _LOST_LOOK_S = 0.1
 # turning rate while it is not located, to see more of the field
 _LOST_RPS = 1.0
@@ -62,18 +62,18 @@ USES = {
 
 @dataclass(frozen=True, slots=True)
 class BuiltInTeam:
-    """Makes built-in players with options; equal to another one with the same options, also in other processes.
+    """Makes built-in players; teams with the same options are equal, also in different processes.
 
     Raises
     ------
     ArgumentError
-        If it uses an unknown feature.
+        If `uses` names an unknown feature.
     """
 
     #: Features of its players: names of `USES`.
     uses: tuple[str, ...] = ()
     settings: PlayerSettings = PlayerSettings()
-    #: Makers of its parts, which may be replaced by one's own.
+    #: Functions that make the player's parts; users may replace them.
     parts: PlayerParts = PlayerParts()
 
     def __post_init__(self) -> None:
@@ -106,7 +106,7 @@ class BuiltInPlayer:
         if self._sees_ahead_only and isinstance(camera, PinholeCamera) and limits.pan_limit_rad > 0:
             looks_again = plans and "floor_looks" in uses
             self._head = Head(field, limits, camera, plans=plans, asks="goal_looks" in uses, looks_again=looks_again)
-        # a fixed camera that does not see all around turns with the robot
+        # where the camera is fixed and does not see all around, the robot itself turns to look
         is_fixed = self._sees_ahead_only and self._head is None
         self._pose_look = PoseLook(field) if is_fixed else None
         self._localizer = parts.localizer(setup, settings, plans or "memory" in uses)
@@ -114,7 +114,7 @@ class BuiltInPlayer:
             raise ArgumentError("a player's localizer must have a memory")
         self._memory = self._localizer.memory
         self._filter = self._memory.poses
-        # the start by the rules, which a frame may contradict
+        # the start position of the rules; a frame may contradict it
         self._start = kick_off_pose(field, setup.attacks, setup.number, setup.players, limits.radius_m)
         self._filter.expect(self._start)
         self._straight: StraightFrames | None = None
@@ -180,7 +180,7 @@ class BuiltInPlayer:
         )
 
     def act(self, senses: Senses) -> Command:
-        """Return the command until the next senses come."""
+        """Return the command that holds until the next senses."""
         self._travel = self._why = self._target = None
         self._update(senses)
         self._look(senses)
@@ -215,7 +215,7 @@ class BuiltInPlayer:
             self._held_since_s = senses.t_s
 
     def _look(self, senses: Senses) -> None:
-        """Process the frame, unless there is none or it is the same as the last one of a stopped camera."""
+        """Process the frame, unless there is none or it equals the last one because the camera has stopped."""
         frame, frame_t_s = senses.frame, senses.frame_t_s
         if frame is None or frame_t_s is None:
             return
@@ -265,7 +265,7 @@ class BuiltInPlayer:
         is_late = senses.t_s - self._view_t_s > _MAX_FRAME_AGE_S
         if not belief or motion is None or is_late or self._view is None or not self._free_space or not self._drivable:
             if self._talk is not None:
-                # it does not see the floor around it, but others may report the ball
+                # the robot cannot drive, but another robot may have reported the ball
                 pose = belief.pose if belief else None
                 known = self._ball.locate(pose, None, senses.t_s, *self._tracks(senses.t_s))
                 self._talk.role(pose, known.place, senses.t_s)
@@ -275,7 +275,7 @@ class BuiltInPlayer:
         in_view = self._free_space_now(self._free_space, motion)
         free_space = in_view if self._recent is None else self._free_space_now(self._drivable, motion)
         seen_from = pose.compose(motion.inverse())
-        # only the ball fits into this range
+        # only the ball fits between the robot and something at this range
         nearest = self._setup.limits.radius_m + 2 * self._setup.field.ball_radius_m
         c, s = math.cos(seen_from.theta_rad), math.sin(seen_from.theta_rad)
         things = [

@@ -24,9 +24,9 @@ PLAYERS: dict[str, PlayerFactory] = {
 
 
 def player_factory(name: str) -> PlayerFactory:
-    """Return the maker of players by a name, by the features they use, or by an import path ``package.module:Name``.
+    """Return the factory of players for a name, for the features that they use, or for a path ``package.module:Name``.
 
-    Features are joined as in ``memory+plans``. Modules in the current folder are found, too.
+    Features are joined as in ``memory+plans``. Modules in the current folder can also be imported.
 
     Raises
     ------
@@ -45,7 +45,7 @@ def player_factory(name: str) -> PlayerFactory:
 
 def _imported(path: str) -> PlayerFactory:
     module_name, _, name = path.partition(":")
-    # an installed command does not have it; other processes of this machine get this list
+    # an installed command does not search the current folder; worker processes inherit this list
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     try:
@@ -62,7 +62,7 @@ def _imported(path: str) -> PlayerFactory:
 
 
 def player_name(factory: PlayerFactory) -> str:
-    """Return the name of a maker of players: that above, or the name of its class or function."""
+    """Return the name of a factory of players, as for `player_factory`; else that of its class or function."""
     for name, known in PLAYERS.items():
         if known == factory:
             return name

@@ -29,7 +29,7 @@ from robocup_vision.view import View
 from sim2d.players.plan import Plan
 from sim2d.robot_link import Point, RobotLimits
 
-# `FieldHalf`: distance moved after which the robot starts a new question, because missed goals may be visible there.
+# `FieldHalf`: distance after which the search for a goal restarts, because missed goals may be visible from there.
 _ELSEWHERE_M = 0.3
 # `FloorLook`: greatest difference from the wanted pan at which a frame counts as a look.
 _ARRIVED_RAD = 0.15
@@ -52,22 +52,22 @@ _UNSURE_RAD = 0.03
 UNLOCATED_LOOKS = 6
 # Time after which a planned gaze is computed again.
 _REPLAN_S = 0.1
-# Standard deviations of a pose's drift in a second without frames.
+# Standard deviations by which a pose drifts in a second without frames.
 _DRIFT_M = 0.03
 _DRIFT_RAD = 0.05
 
 
 class FieldHalf:
-    """Looks for the half of the field while the pose filter has two mirrored modes, which it then weighs."""
+    """Chooses looks at goals that decide the field half, while the pose filter has two modes half a turn apart."""
 
     def __init__(self, field: Field, camera: PinholeCamera, neck: Neck) -> None:
         self._field = field
         self._question = GoalQuestion(field, camera, neck)
-        # position at the first look of the question; None: no question is open
+        # position of the first look of the present search; None: there is none
         self._asked_m: tuple[float, float] | None = None
 
     def choose(self, hypotheses: Sequence[Hypothesis], pan_rad: float, blockers: Sequence[Disc]) -> Fixation | None:
-        """Return a fixation; None if the half is known, or no look from here decides.
+        """Return a fixation; None if the half is known, or no look from here can decide it.
 
         Parameters
         ----------
@@ -93,7 +93,7 @@ class FieldHalf:
         return fixation
 
     def observe(self, hypotheses: Sequence[Hypothesis], pan_rad: float, view: View) -> None:
-        """Update with the view of a frame at this pan, while a question is open."""
+        """Update with the view of a frame at this pan, during a search."""
         halves = mirrored(hypotheses)
         if self._asked_m is None or not halves:
             return
@@ -102,7 +102,7 @@ class FieldHalf:
         self._question.observe(halves, pan_rad, identified_goal(self._field, camera))
 
     def forget(self) -> None:
-        """End the question and forget its missed goals."""
+        """End the search and forget its missed goals."""
         self._question.forget()
         self._asked_m = None
 
@@ -127,11 +127,11 @@ class FloorLook:
     def __init__(self, limits: RobotLimits, half_view_rad: float) -> None:
         self._limits, self._half_view_rad = limits, half_view_rad
         self._planner: SelectiveLook | None = None
-        # pan, place and position of the last chosen look
+        # the last chosen look: its pan, the place looked at, and the robot's position
         self._wanted: tuple[float, Point, Point] | None = None
 
     def choose(self, floor: MapPicture, robot: Pose2, target: Point) -> tuple[float, str] | None:
-        """Return the pan of a look and its reason; None if no look decides more of the way.
+        """Return the pan of a look and its reason; None if no look would show more of the way.
 
         Parameters
         ----------
@@ -178,7 +178,7 @@ class PoseLook:
         self._looks = False
 
     def direction_rad(self, robot: PoseEstimate) -> float | None:
-        """Return the direction to face, field frame; None if the position is accurate, or nothing helps.
+        """Return the direction to face, field frame; None if the position is accurate, or no crossing is far enough.
 
         Two crossing lines determine a pose completely, and the nearest ones most accurately.
         """
@@ -225,7 +225,7 @@ class HeadPlan:
 
     #: Angle from straight ahead, positive to the left.
     pan_rad: float
-    #: Purpose: for the pose, or without a plan; for the half of the field; for undecided floor.
+    #: Purpose: "planned" for the pose, "sweep" without a plan, "half" for the field half, "floor" for undecided floor.
     choice: Literal["planned", "sweep", "half", "floor"]
     #: Reason of the choice.
     reason: str

@@ -1,7 +1,7 @@
 """Interfaces and makers of the parts of a built-in player, each of which may be replaced.
 
-A part is made by a function or class from the player's setup and settings. Those at module level may be sent to other
-processes, as tournaments do.
+A part is made by a function or class from the player's setup and settings. Makers that are defined at module level can
+be pickled and sent to other processes, as tournaments do.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ from sim2d.players.tactics.tactics import Tactics
 from sim2d.players.team_talk import ChoosesRole, TeamTalk
 from sim2d.robot_link import Command, PlayerSetup, Point
 
-# Noise of the odometry with a pinhole camera, instead of the memory's. Legs slip by a tenth and have gain errors of a
-# twentieth; errors of frames of a nodding or turning body exceed their covariance, which counts as slip. Wheels slip in
-# similarly short bursts. Robots that do not see their neighbours are pushed, which odometry does not measure.
+# Noise of the odometry of robots with a pinhole camera, in place of the memory's default. Legs slip by a tenth and have
+# gain errors of a twentieth. Frames of a nodding or turning body have larger errors than their covariance, modelled
+# as more slip. Wheels slip in similarly short bursts. Robots may be pushed, which odometry does not measure.
 LEGS_ODOMETRY = OdometryNoise(slip_ratio=0.14, slip_s=0.1, gain_std=0.05, push_m=0.01, push_rad=0.03)
 WHEELS_ODOMETRY = OdometryNoise(slip_s=0.1, gain_std=0.02, push_m=0.01, push_rad=0.01)
 
 
 class LocalizerPart(Protocol):
-    """Turns frames into views, and has the pose filter, tracks and map in its memory, like `Vision`."""
+    """Turns frames into views, and keeps pose filter, tracks and map in its memory, as `Vision` does."""
 
     @property
     def memory(self) -> Memory | None:
@@ -130,11 +130,12 @@ class DrivingPart(Protocol):
 
 def make_localizer(setup: PlayerSetup, settings: PlayerSettings, remembers: bool) -> LocalizerPart:
     """Return `Vision` with a memory, which includes tracks and map if the player remembers."""
-    of_memory = settings.memory
+    memory_settings = settings.memory
     if isinstance(setup.camera, PinholeCamera):
         noise = LEGS_ODOMETRY if setup.has_legs else WHEELS_ODOMETRY
-        of_memory = replace(of_memory, odometry=noise)
-    memory = Memory.of_everything(setup.field, of_memory) if remembers else Memory(setup.field, settings=of_memory)
+        memory_settings = replace(memory_settings, odometry=noise)
+    make_memory = Memory.of_everything if remembers else Memory
+    memory = make_memory(setup.field, settings=memory_settings)
     if setup.rig is not None:
         return Vision(setup.field, setup.rig, memory=memory)
     calibrates = setup.camera_is_rough and settings.calibrates

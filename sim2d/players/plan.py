@@ -75,7 +75,7 @@ class Situation:
     pose: Pose2
     #: Last place of the ball.
     ball: Point | None
-    #: Its velocity then.
+    #: Its velocity at that time.
     ball_velocity_mps: Point
     #: The robot holds the ball.
     in_mouth: bool

@@ -1,4 +1,4 @@
-"""What may differ between built-in players; a benchmark varies it by `BuiltInTeam(settings=...)` in its `MatchPlan`."""
+"""Settings of built-in players; benchmarks vary them with `BuiltInTeam(settings=...)` in a `MatchPlan`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sim2d.players.tactics.team_field import TacticsSettings
 
 @dataclass(frozen=True, slots=True)
 class PlayerSettings:
-    """Values of `BuiltInPlayer`."""
+    """Settings of `BuiltInPlayer`."""
 
     tactics: TacticsSettings = TacticsSettings()
     motion: MotionSettings = MotionSettings()

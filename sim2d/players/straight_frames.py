@@ -18,7 +18,7 @@ class StraightFrames:
     Parameters
     ----------
     camera : PinholeCamera
-        As in its file; its `readout_s` is the shutter's.
+        The camera of the file, with the shutter's `readout_s`.
     """
 
     def __init__(self, camera: PinholeCamera, odometry: PoseFilter) -> None:

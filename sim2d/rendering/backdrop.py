@@ -1,4 +1,4 @@
-"""Backgrounds of a field, from a seed: a room's clutter, or a finer backdrop for cameras near the floor.
+"""Random backgrounds of a field: a room's clutter, or a finer backdrop for cameras near the floor.
 
 The backdrop contains white and coloured uprights, which resemble goals.
 """
@@ -27,7 +27,7 @@ DRAWN_RADIUS_M = 5.0  # radius of the room for which the wall is drawn; it is st
 
 @dataclass(frozen=True, slots=True)
 class Backdrop:
-    """A round room about the field's centre."""
+    """The wall of a round room about the field's centre."""
 
     #: A plain grey wall, a full hall, or a hall with an orange wall.
     kind: BackdropKind = "hall"
@@ -43,7 +43,7 @@ class Backdrop:
         return sample_at(picture, u, v, cv2.BORDER_REPLICATE)
 
     def unrolled(self) -> tuple[Float32Array, float]:
-        """Return the wall unrolled (H, W, 3) BGR, azimuth to the right from +x, upper row first; its rows per metre."""
+        """Return the unrolled wall (H, W, 3) BGR and its rows per metre; column by azimuth from +x, top row first."""
         picture = _panorama(self)
         return picture[:, :-1], len(picture) / HEIGHT_M
 
@@ -86,7 +86,7 @@ def _panorama(backdrop: Backdrop) -> Float32Array:
         left = int(rng.integers(columns))
         _block(picture, left, 0, int(rng.integers(30, 160)), int(rng.integers(6, 20)), np.full(3, 330.0))
     blurred = cv2.GaussianBlur(picture, (0, 0), 0.8)
-    blurred[:, -1] = blurred[:, 0]  # the seam
+    blurred[:, -1] = blurred[:, 0]  # close the seam
     return np.asarray(blurred, dtype=np.float32)
 
 

@@ -29,9 +29,9 @@ def camera_by_name(name_or_path: str | Path) -> Camera:
     Raises
     ------
     ArgumentError
-        If it is no file and no known name, or the size is invalid.
+        If it is neither a file nor a known name, or the size is invalid.
     FileError
-        If the camera file is missing or wrong.
+        If the camera file is missing or not valid.
     """
     name = str(name_or_path)
     if name == "sekimori":

@@ -1,4 +1,4 @@
-"""Rendered pictures as a dataset folder with truth, in the formats that `robocup-vision evaluate` reads."""
+"""Writes rendered pictures as a dataset folder with truth, in the formats that `robocup-vision evaluate` reads."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class EncodedPicture(NamedTuple):
 
 
 def encode_picture(drawn: Sample, jpeg_quality: int | None = None) -> EncodedPicture:
-    """Encode a picture as a .png file, or as a small .jpg one of a quality of 1 to 100."""
+    """Encode a picture as a .png file, or as a smaller .jpg file with a quality of 1 to 100."""
     suffix, options = (".png", []) if jpeg_quality is None else (".jpg", [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])
     name = f"{drawn.index:04d}{suffix}"
     pose, ball = drawn.pose, drawn.scene.ball
@@ -55,7 +55,7 @@ class DrawPictures:
     jpeg_quality: int | None = None
 
     def __call__(self) -> Callable[[int], EncodedPicture]:
-        """Return a function that draws a picture; they share one renderer."""
+        """Return a function that draws the picture with a number; all pictures share one renderer."""
         asked: deque[int] = deque()
         drawn = self.sample(indices=iter(asked.popleft, None))
 

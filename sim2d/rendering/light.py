@@ -1,4 +1,4 @@
-"""Light along rays for all cameras: paint, shade, lamps, the room behind, and nets before it."""
+"""Computes the light along the rays of any camera: paint, shade, lamps, the room behind the field, and nets."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from sim2d.rendering.scene_table import ThingTable, floor_paint, nets_of
 
 # surface numbers of the carpet and of the ground around it
 FLOOR, GROUND = range(2)
-SMOOTH_TEXTURE_M, FINE_TEXTURE_M = 0.15, 0.012  # cells of the carpet's two noises
+SMOOTH_TEXTURE_M, FINE_TEXTURE_M = 0.15, 0.012  # cell sizes of the two noises of the carpet's texture
 _LAMP = np.array([math.cos(LAMP_DIRECTION_RAD), math.sin(LAMP_DIRECTION_RAD)], dtype=np.float32)
 
 
@@ -111,7 +111,7 @@ def trace_light(rays: RaySet, scene: Scene, eye: Pose2) -> TracedLight:
 
 
 def _paint(traced: TracedLight, scene: Scene) -> tuple[npt.NDArray[np.intp], Float32Array]:
-    """Return the rays that end on the carpet, with the painted fractions of their patches; mark those on the ground."""
+    """Return the rays that end on the carpet and the painted fraction of each; set the surface of those on ground."""
     on_floor = traced.surface == FLOOR
     on_floor[traced.in_room] = False
     floor = np.flatnonzero(on_floor)
@@ -125,7 +125,7 @@ def _paint(traced: TracedLight, scene: Scene) -> tuple[npt.NDArray[np.intp], Flo
 def _room_light(
     scene: Scene, eye: Pose2, height_m: float, directions: Float32Array, distance_m: Float32Array
 ) -> tuple[npt.NDArray[np.intp], Float32Array]:
-    """Return the rays that end on the room's round wall, and their light; sets their distances."""
+    """Return the rays that end on the room's round wall, and their light; set their distances."""
     radius, away = scene.room_radius_m, math.hypot(eye.x_m, eye.y_m)
     far = np.flatnonzero(distance_m > max(radius - away, 0.0))
     x, y = np.float32(eye.x_m), np.float32(eye.y_m)
@@ -184,11 +184,11 @@ def illuminate(light: Float32Array, shade: Float32Array, scene: Scene, x: Float3
 
 
 def lay_nets(traced: TracedLight, scene: Scene) -> None:
-    """Cover the light of rays by the nets in front of what they meet, in place.
+    """Mix the light of nets into rays that cross them, in place.
 
-    A net covers what is behind it by the fraction of a ray's patch that is cord. With cords of width d at a distance s,
-    that is 1 - (1 - d / s)^2 if a patch is wider than many meshes; nearer cords are drawn as lines. The order of two
-    nets on a ray does not matter, because their cords have one colour and nearly the same light.
+    A net covers the fraction of a ray's patch that is cord. With cords of width d and meshes of width s that is
+    1 - (1 - d / s)^2 if a patch is wider than many meshes; nearer cords are drawn as lines. The order of two nets on a
+    ray does not matter, because their cords have the same colour and nearly the same light.
     """
     rays, nets = traced.rays, nets_of(scene.field)
     if not len(nets.rows):

@@ -1,4 +1,4 @@
-"""The mirror camera's picture of a scene, ray by ray, as linear light before the sensor."""
+"""Renders a scene for a mirror camera, ray by ray, as linear light before the sensor."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class MirrorRenderer:
         Returns
         -------
         (H, W, 3) float32
-            Linear light, BGR; 255 is a sensor's white, higher values are possible.
+            Linear light, BGR; the sensor saturates at 255, higher values are possible.
         """
         rays, count = (self._coarse_rays, SPIN_POSES) if spin_rad else (self._rays, 1)
         height, width = rays.traced_part.shape

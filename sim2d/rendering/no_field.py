@@ -1,7 +1,6 @@
-"""Pictures without a field, in which no pose may be found: constants, noise, patterns, rooms, shuffled pictures.
+"""Paints pictures without a field, in which no pose may be found: constants, noise, patterns, rooms, shuffled pictures.
 
-They are hard: most have large areas of one colour, often green, with straight bright edges and strokes like a field's
-lines, but no pitch.
+They are difficult: most have large areas of one colour, often green, with straight bright edges and strokes.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ def constant(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
 
 
 def noise(size_px: tuple[int, int], rng: np.random.Generator) -> UInt8Array:
-    """Paint independent noise about one colour, from weak to strong."""
+    """Paint independent noise of any strength about one colour."""
     width, height = size_px
     values = rng.normal(_color(rng), rng.uniform(1.0, 120.0), (height, width, 3))
     return np.clip(values, 0, 255).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""The pinhole camera's picture of a scene, ray by ray, as linear light before the sensor."""
+"""Renders a scene for a pinhole camera, ray by ray, as linear light before the sensor."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from sim2d.rendering.rays import RaySet, sample_offsets
 from sim2d.rendering.scene import Scene
 
 COARSE = 2  # rays for each pixel along each axis, before edges are known
-RAYS_AT_ONCE = 1 << 14  # number that fits into the processor's cache
-EDGE_CONTRAST = 8.0  # least difference of neighbouring rays, grey levels, at which more are cast
+RAYS_AT_ONCE = 1 << 14  # fits into the processor's cache
+EDGE_CONTRAST = 8.0  # least difference of neighbouring rays, grey levels, that counts as an edge
 
 
 class PinholeRays(RaySet):
@@ -61,7 +61,7 @@ class PinholeRays(RaySet):
             part = slice(start, start + step)
             along_axis = camera.pixel_to_camera_ray(centers[part, None, :] + offsets)
             if is_fisheye:
-                # any ray serves for pixels outside a lens's circle, which become black
+                # pixels outside the lens circle become black, so any ray will do
                 along_axis[np.isnan(along_axis[..., 0])] = (1.0, 0.0, 0.0)
             turned = np.matmul(along_axis, camera.camera_to_robot.T, out=directions[part])
             if turn_rad:
@@ -70,7 +70,7 @@ class PinholeRays(RaySet):
                 x, y = turned[..., 0].copy(), turned[..., 1].copy()
                 turned[..., 0], turned[..., 1] = c * x - s * y, s * x + c * y
             patches = radial[part], tangential[part]
-            # a fisheye's picture is about equidistant
+            # a fisheye's projection is nearly equidistant
             cosine = np.ones(along_axis.shape[:-1]) if is_fisheye else along_axis[..., 0]
             pinhole_patches(camera.height_m, rays_per_rad, cosine, turned, *patches)
         super().__init__(camera.height_m, index, directions, radial, tangential)
@@ -94,7 +94,7 @@ def render_pinhole(
     camera : PinholeCamera
         Camera with its present orientation: its tilt must be known, an unknown pan or roll is 0.
     pose : Pose2
-        Pose of the robot in the field frame (of the camera if its offset and pan are 0).
+        Pose of the robot in the field frame (equal to the camera's if its offset and pan are 0).
     backdrop : Backdrop, optional
         Replaces the scene's clutter on the room's wall.
     glare : sequence of Glare
@@ -109,7 +109,7 @@ def render_pinhole(
     Returns
     -------
     (H, W, 3) float32
-        Linear light, BGR; 255 is a sensor's white, higher values are possible.
+        Linear light, BGR; the sensor saturates at 255, higher values are possible.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Random poses, scenes and frames under named conditions, on which the reported figures are measured."""
+"""Random poses, scenes and frames under named conditions, for measuring the reported figures."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ RING_RANGE_M = (0.17, 0.42)
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Disturbances of pictures, and objects on the field.
+    """Disturbances of pictures, and the objects on the field.
 
     Parameters
     ----------
@@ -53,12 +53,12 @@ class Condition:
         The boxes surround the robot: the nearest point of each is 0.17 to 0.42 m from the robot's centre. If too few
         fit because of walls, the rest are placed anywhere.
     ball_rate : float
-        Fraction of frames with a ball.
+        Probability of a ball in a frame.
     center_offset_px : (float, float)
         True image centre minus that of the given camera.
     tilt_rad : (float, float)
-        True tilt minus that of the given camera, about the robot's x and y axis: a pinhole camera's roll, and its tilt
-        downwards.
+        True tilt minus that of the given camera, about the robot's x and y axes. For a pinhole camera these are its
+        roll and its tilt downwards.
     robots : int
         Number of robots, and their height `robot_height_m`.
     """
@@ -181,7 +181,7 @@ def sample(
 
 
 def _ball_view(camera: Camera) -> tuple[float, float, float]:
-    """Return where on the floor a camera sees a ball: the middle bearing, half the width (rad), the least range (m)."""
+    """Return where a camera sees the floor: the middle bearing, half the width (both rad), the smallest range (m)."""
     if not isinstance(camera, PinholeCamera):
         return 0.0, math.pi, 0.0
     (width, height), (u, _) = camera.size_px, camera.center_px
@@ -235,7 +235,7 @@ def _light(field: Field, condition: Condition, rng: np.random.Generator) -> Ligh
 
 
 def _place(scene: Scene, radius_m: float, rng: np.random.Generator) -> tuple[float, float]:
-    """Draw the centre of a disc without anything upright in it."""
+    """Draw the centre of a disc on the floor that is free of upright objects."""
     low, high = scene.field.floor_polygon.min(axis=0), scene.field.floor_polygon.max(axis=0)
     for _ in range(TRIES):
         x, y = rng.uniform(low, high)
@@ -286,7 +286,7 @@ def _add_ring(scene: Scene, pose: Pose2, count: int, boxes: list[Box], rng: np.r
 def _robots(
     scene: Scene, pose: Pose2, boxes: list[Box], ball: Ball | None, condition: Condition, rng: np.random.Generator
 ) -> tuple[Robot, ...]:
-    """Draw robots that touch nothing."""
+    """Draw robots that touch no other object."""
     radius, robots = scene.field.robot_radius_m, list[Robot]()
     for _ in range(TRIES):
         if len(robots) == condition.robots:
@@ -321,7 +321,7 @@ def _ball(scene: Scene, pose: Pose2, boxes: list[Box], rng: np.random.Generator,
         ahead = with_boxes.free_range_m(pose, bearing + np.linspace(-spread, spread, 5))
         if ahead.min() > range_m + radius:
             ball = Ball(float(x), float(y), radius, COLOR_NAMES[field.ball_color])
-            # a mirror's picture of a ball is smaller than its patches
+            # in a mirror's picture a ball is too small to show its patches
             if not field.ball_patches or isinstance(camera, OmniCamera):
                 return ball
             turn = tuple(rng.uniform(-math.pi, math.pi, 3).tolist())

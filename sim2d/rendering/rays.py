@@ -1,4 +1,4 @@
-"""All rays of a camera's image."""
+"""The rays of a camera's image."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ class RaySet:
     directions : (P, samples, 3) float64
         Directions, robot frame.
     radial_m, tangential_m : (P, samples) float64
-        Size of a ray's patch on the floor, along and across it, metres.
+        Size of each ray's patch on the floor, along and across the ray, metres.
 
     Attributes
     ----------
     pixel_index : (P,) intp
-        Sorted indices.
+        Flat image indices, sorted by bearing.
     cos, sin, slope : (N,) float32
-        Directions.
+        Directions, robot frame.
     floor_m : (N,) float32
         Horizontal distance at which a ray meets the floor, metres; inf at and above the horizon.
     patch_m : (2, N) float32
-        Radial and tangential sizes.
+        Radial and tangential sizes of the patches, metres.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class MirrorRays(RaySet):
         self.body_part = (radius_of_pixel <= inner).astype(np.float32).reshape(height, width)
         self.body_part.ravel()[candidates] = (radius < inner).mean(axis=1)
 
-        # unseen rays of a partly seen pixel are replaced by a seen one of it
+        # unseen rays of a partly seen pixel are replaced by one of its seen rays
         stand_in = np.where(seen, np.arange(samples), np.argmax(seen, axis=1)[:, None])
         ray = np.take_along_axis(ray, stand_in[..., None], axis=1)
         radius = np.take_along_axis(radius, stand_in, axis=1)

@@ -1,6 +1,6 @@
 """Objects on a field and their light, as plain values for a renderer.
 
-Positions are in the field frame, metres. Colours are BGR of a frame under white light of level 1.
+Positions are in the field frame, metres. Colours are the BGR values that a frame has under white light of level 1.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from robocup_vision.geometry import Pose2
 Bgr = tuple[float, float, float]
 
 GROUND_BGR: Bgr = (95, 105, 112)  # around the carpet
-LAMP_DIRECTION_RAD = 0.9  # in the field frame: upright surfaces that face it are lighter
+LAMP_DIRECTION_RAD = 0.9  # in the field frame; upright surfaces that face this direction are brighter
 
 # colours of obstacles: the field's own, and some everyday ones
 BOX_COLORS: dict[str, Bgr] = {
@@ -95,9 +95,9 @@ class Ball:
 
 @dataclass(frozen=True, slots=True)
 class Shadow:
-    """A hard shadow: the strip low <= x cos(direction) + y sin(direction) <= high, and its remaining light.
+    """A hard shadow: the strip low <= x cos(direction) + y sin(direction) <= high, and the light left in it.
 
-    The remaining light is bluer than the lamp's, because it comes from the sky or from walls.
+    `factor_bgr` scales the light. What is left is bluer than the lamp's light: it comes from the sky or from walls.
     """
 
     direction_rad: float
@@ -108,7 +108,7 @@ class Shadow:
 
 @dataclass(frozen=True, slots=True)
 class Highlight:
-    """A blurred reflection of a lamp: white light around a place, with `amplitude` grey levels in the middle."""
+    """A blurred reflection of a lamp: a Gaussian of white light with `amplitude` grey levels in the middle."""
 
     x_m: float
     y_m: float
@@ -120,9 +120,9 @@ class Highlight:
 class Light:
     """Light in the scene."""
 
-    #: Overall brightness; at 1 colours are as named.
+    #: Overall brightness; at 1 colours have their own values.
     level: float = 1.0
-    #: Relative change of light from the field's centre over half its length, in this direction.
+    #: Relative change of light from the field's centre over half its length, in `gradient_direction_rad`.
     gradient: float = 0.0
     gradient_direction_rad: float = 0.0
     #: Standard deviation of the carpet's brightness, relative.
@@ -137,7 +137,7 @@ class Light:
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """The background beyond the floor: a round room full of clutter, drawn from a seed."""
+    """The background beyond the floor: a round room full of random clutter."""
 
     #: Seed of the room.
     seed: int = 0
@@ -169,7 +169,7 @@ class Wall:
 
 @dataclass(frozen=True, slots=True)
 class Post:
-    """An upright cylinder of the field, a goal post or a beacon; `bands_bgr` from the foot up."""
+    """An upright cylinder of the field, a goal post or a beacon; `bands_bgr` are of equal height, from the foot up."""
 
     x_m: float
     y_m: float
@@ -180,7 +180,7 @@ class Post:
 
 @dataclass(frozen=True, slots=True)
 class Bar:
-    """A goal's bar: a horizontal cylinder along y, the height of its axis, half its length."""
+    """A goal's bar: a horizontal cylinder along y at `x_m`; `height_m` is that of its axis."""
 
     x_m: float
     half_length_m: float
@@ -201,7 +201,7 @@ class Scene:
     light: Light = Light()
     #: The background.
     room: Room = Room()
-    #: Width of the carpet beyond the floor polygon if nothing bounds it.
+    #: Width of the carpet beyond the floor polygon, of a field without walls.
     carpet_margin_m: float = 0.0
 
     @property
@@ -266,7 +266,7 @@ class Scene:
                 yield Bar(goal.line_x_m, goal.width_m / 2, goal.post_radius_m, goal.height_m, color)
 
     def bystanders(self) -> Iterator[Box | Post]:
-        """Yield the people and furniture around the floor, which `free_range_m` does not include."""
+        """Yield the people (as posts) and furniture around the floor; `free_range_m` does not include them."""
         rng = np.random.default_rng([self.room.seed, 0xB0D1])
         half = np.abs(self.carpet_polygon).max(axis=0)
         for _ in range(self.room.bystanders):
@@ -283,7 +283,7 @@ class Scene:
                 yield Box(float(x), float(y), float(rng.uniform(0, 0.3)), width_m, width_m, height_m, _bgr(color))
 
     def footprint_segments(self, above_m: float = 0.0) -> FloatArray:
-        """Return (S, 4) float64: feet of all walls, panels and box faces above a height, as x0, y0, x1, y1, metres."""
+        """Return (S, 4) float64: x0, y0, x1, y1 of the feet of walls, panels and box faces higher than `above_m`."""
         rows = [[w.x0_m, w.y0_m, w.x1_m, w.y1_m] for w in self.walls() if w.height_m > above_m]
         for box in self.boxes:
             if box.height_m <= above_m:
@@ -293,20 +293,20 @@ class Scene:
         return np.array(rows, dtype=np.float64).reshape(-1, 4)
 
     def footprint_circles(self, above_m: float = 0.0) -> FloatArray:
-        """Return (C, 3) float64: feet of all posts, beacons and robots above a height, as x, y, radius, metres."""
+        """Return (C, 3) float64: x, y, radius, metres, of the posts, beacons and robots higher than `above_m`."""
         round_things: list[Post | Robot] = [*self.posts(), *self.robots]
         rows = [[r.x_m, r.y_m, r.radius_m] for r in round_things if r.height_m > above_m]
         return np.array(rows, dtype=np.float64).reshape(-1, 3)
 
     def free_range_m(self, pose: Pose2, bearing_rad: npt.ArrayLike, above_m: float = 0.0) -> FloatArray:
-        """Return the exact free range from the robot's centre, the truth for benchmarks.
+        """Return the exact free ranges from a robot's centre, the truth for benchmarks.
 
         Parameters
         ----------
         bearing_rad : (N,) array_like
             Bearings in the robot frame.
         above_m : float
-            Height above which objects are included.
+            Only objects higher than this are included.
 
         Returns
         -------
@@ -335,7 +335,7 @@ class Scene:
         return nearest
 
     def clearance_m(self, x_m: float, y_m: float) -> float:
-        """Return the distance of a floor point from the nearest upright foot, metres; inf if there is none."""
+        """Return the distance, metres, of a floor point from the nearest foot of an object; inf if there is none."""
         nearest = math.inf
         segments = self.footprint_segments()
         if len(segments):
@@ -349,7 +349,7 @@ class Scene:
 
 
 def _lit(color: Bgr, normal_rad: float) -> Bgr:
-    """Return a colour on an upright face in the light of its direction."""
+    """Return a colour on an upright face, brighter the more the face is turned to the lamp."""
     factor = 0.78 + 0.14 * math.cos(normal_rad - LAMP_DIRECTION_RAD)
     return (color[0] * factor, color[1] * factor, color[2] * factor)
 

@@ -68,7 +68,7 @@ class ThingTable:
 
 
 def in_cast(colors: Iterable[Bgr], cast_bgr: FloatArray) -> Float32Array:
-    """Return colours (C, 3) float32 BGR for a sensor with this white balance."""
+    """Return colours (C, 3) float32 BGR multiplied by a sensor's white balance."""
     return np.asarray(np.array([*colors], dtype=np.float64).reshape(-1, 3) * cast_bgr, dtype=np.float32)
 
 
@@ -81,7 +81,7 @@ def floor_paint(scene: Scene, cast_bgr: FloatArray = WHITE) -> FloorPaint:
         _arc_rows(field),
         field.line_width_m / 2,
         np.hstack([corners, np.roll(corners, -1, axis=0)]),
-        not field.is_bounded,  # a floor with recesses is not
+        not field.is_bounded,  # a floor with goal recesses is not convex
         in_cast(colors, cast_bgr),
     )
 

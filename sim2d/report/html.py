@@ -1,6 +1,6 @@
 """Makes report.html of a match: score, film, localisation and actions of each robot, faults.
 
-Needs the extra `report` (matplotlib, jinja2), which is imported only when a report is made.
+It needs the extra `report` (matplotlib, jinja2), which is imported only when a report is made.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from sim2d.report.story import ChoiceRate, MatchStory
 
 __all__ = ["missing_packages", "render_report"]
 
-# orange for the side that attacks +x, blue for the other, one shade a robot
+# orange for the side that attacks +x, blue for the other, one shade per robot
 _COLORS = {1: ("#b45309", "#d97706", "#f59e0b", "#92400e"), -1: ("#1d4ed8", "#3b82f6", "#60a5fa", "#1e3a8a")}
-# what led to a goal begins about so long before it
+# links to goals start this long before the goal
 _BEFORE_S = 2.0
 _WAYS_CAPTION = "Paths of the robots (colours as in the table) and of the ball (grey)."
 _SPEEDS_CAPTION = "Speed limit that planning set for each robot (a gap: it planned none)."
@@ -55,11 +55,11 @@ def render_report(
     video : Path or None
         The film, in the page's own folder.
     notes : sequence of str
-        What could not be written, and why.
+        Notes on files that could not be written.
     recordings : sequence of str
-        Names of the robots' recordings, in their order, in the page's own folder; empty: there are none.
+        Names of the robots' recordings, in the robots' order, in the page's own folder; empty: there are none.
     poster : bytes
-        JPEG that stands for the film until it is played; empty: its first picture does.
+        JPEG that is shown until the film is played; empty: the film's first picture is shown.
     """
     plots = [(_ways(field, figures, story), _WAYS_CAPTION), (_errors(figures, story), _ERRORS_CAPTION)]
     if story.calibrates:
@@ -95,7 +95,7 @@ def render_report(
 
 
 def _moment_links(recordings: Sequence[str], t_s: float) -> list[tuple[int, str]]:
-    """Return the robots' numbers and the addresses that open a moment of their recordings."""
+    """Return the robots' indices and the addresses that open a moment of their recordings."""
     return [(number, moment_link(name, t_s)) for number, name in enumerate(recordings)]
 
 
@@ -109,7 +109,7 @@ def _tiles(figures: MatchFigures) -> list[tuple[str, str]]:
         (millimetres(float(np.median(medians)) if medians else None), "median position error"),
         (f"{max(robot.longest_lost_s for robot in robots):.2f} s", "longest a robot was lost"),
         (str(sum(robot.kicks for robot in robots)), "kicks"),
-        # each involves two robots
+        # each collision is counted for both robots
         (str(sum(robot.collisions for robot in robots) // 2), "collisions of robots"),
     ]
 
@@ -158,7 +158,7 @@ def _planned_cells(figures: MatchFigures, choice: ChoiceRate) -> tuple[str, str,
 
 
 def _over_time(figures: MatchFigures, t_s: Sequence[float], values: Mapping[int, Sequence[float]], label: str) -> str:
-    """Return a plot of a value of some robots, by their indices, over time."""
+    """Plot a value of some robots, by their indices, over time."""
     figure = new_figure(8.0, 2.4)
     axes = figure.subplots()
     for index, of_robot in values.items():

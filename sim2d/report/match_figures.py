@@ -1,6 +1,6 @@
-"""Counts a match: score, possession, and each robot's figures; and writes them as match.json for other programs.
+"""Collects the figures of a match (score, possession, figures of each robot), and makes match.json of them.
 
-match.json holds no time and no machine: the same seed writes the same bytes.
+match.json does not depend on date and machine: for the same seed it has the same bytes.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.sensors.faults import BodyFault, Fault
 from sim2d.world.state import Event, RobotMoment, WorldState
 
-# a robot has the ball if no other is nearer to it and the gap between them is no larger than this
+# a robot has the ball if no other robot is nearer to it and the gap between them is at most this
 _REACH_M = 0.05
-# more digits than any figure is accurate to, fewer than different processors agree on
+# decimals: more than any figure is accurate to, fewer than those in which processors differ
 _DIGITS = 6
 
 
@@ -30,18 +30,18 @@ class MatchFigures:
     seconds: float
     #: Goals of the side that attacks the goal at +x, and of the other.
     score: tuple[int, int]
-    #: Time and scoring side, +1 or -1, of each.
+    #: Time and scoring side, +1 or -1, of each goal.
     goals: tuple[tuple[float, int], ...]
-    #: Fraction of each side of the time in which a robot had the ball; None if none ever had.
+    #: Fraction of each side in the time in which any robot had the ball; None if none ever had it.
     possession: tuple[float | None, float | None]
-    #: In order of their index.
+    #: Robots in order of their index.
     robots: tuple[RobotFigures, ...]
-    #: The faults, by robots.
+    #: Faults in order of their robots.
     faults: tuple[FaultFigures, ...]
 
 
 class MatchLog:
-    """Counts a match as it is played."""
+    """Collects the figures of a match while it is played."""
 
     def __init__(self, state: WorldState, limits: RobotLimits, ball_radius_m: float, faults: Sequence[Fault]) -> None:
         self._reach_m = limits.radius_m + ball_radius_m + _REACH_M
@@ -56,7 +56,7 @@ class MatchLog:
         self._periods = 0
 
     def add(self, state: WorldState, robots: Sequence[RobotMoment]) -> None:
-        """Add a control period: the truth when the senses were measured, and each robot's response."""
+        """Add a control period: the true state when the senses were measured, and each robot's response."""
         while self._carried and self._carried[0][0] <= state.t_s + CONTROL_PERIOD_S / 2:
             self._robots[self._carried.pop(0)[1]].put_down()
         has_ball = self._holder(state)

@@ -1,7 +1,6 @@
-"""Counts one robot's match: localisation errors, motion, recovery from faults.
+"""Collects one robot's figures in a match: localisation errors, motion, recovery from faults.
 
-Only this module and the films compare estimates with the truth. Figures are counted during the match, so that an hour
-of it fits into memory.
+Only this module and the films compare estimates with the truth. Figures are accumulated to save memory.
 """
 
 from __future__ import annotations
@@ -24,10 +23,11 @@ from sim2d.sensors.faults import Fault
 
 # a robot needs some frames to decide between the two halves of the field
 SETTLING_S = 2.0
-# stuck: within this of one place for so long, though commanded to drive, faster than that, for at least half of the
-# time; and less than half as far as free wheels would have come, because a keeper sways on purpose
+# A robot is stuck if it stays for this time within this distance of one place although its commands were faster than
+# this speed for at least half of the time. It must also have driven less than half as far as free wheels would have
+# come, because a keeper moves to and fro on purpose.
 STUCK_S, STUCK_WITHIN_M, STUCK_COMMANDED_MPS = 5.0, 0.10, 0.05
-# how often a player's estimate of its camera is kept
+# time between two recorded calibrations of a player's camera
 CALIBRATION_EVERY_S = 5.0
 # a robot has recovered once its estimate is right, and stays so for this long
 _STAYS_RIGHT_S = 0.5
@@ -39,7 +39,7 @@ class CalibrationFigures:
 
     #: Time of the estimate.
     t_s: float
-    #: Centre and tilt in use; of a pinhole camera tilt and roll.
+    #: Image centre and tilt in use; for a pinhole camera `tilt_rad` is its tilt and roll.
     center_px: tuple[float, float]
     tilt_rad: tuple[float, float]
     #: Standard deviations.
@@ -48,14 +48,14 @@ class CalibrationFigures:
     #: Scale of the image against the camera file's, and its standard deviation.
     scale: float
     scale_std: float
-    #: Changes of the camera, and knocks noticed so far.
+    #: Numbers of changes of the camera, and of knocks detected, so far.
     steps: int
     knocks: int
 
 
 @dataclass(frozen=True, slots=True)
 class RobotFigures:
-    """One robot's match. Fractions are of all frames; errors are of the frames with an estimated pose."""
+    """One robot's figures. Ratios refer to all frames, errors to the frames with an estimated pose."""
 
     #: Index in the match, +1 or -1 for the goal it attacks, number within its side.
     robot: int
@@ -63,44 +63,45 @@ class RobotFigures:
     number: int
     #: Control periods, each with one camera frame.
     frames: int
-    #: Fraction of frames after which the estimated pose was that near the truth, in the right half of the field.
+    #: Fraction of frames after which the estimated pose was within 5 cm and 3 degrees of the truth.
     within_5cm_3deg: float
     #: Errors of the estimated pose; None if there was no estimate.
     median_error_m: float | None
     p95_error_m: float | None
     median_error_rad: float | None
     p95_error_rad: float | None
-    #: Fraction of frames with no estimate, or one more than 10 cm or 5 degrees off.
+    #: Fraction of frames without an estimate, or with an error of more than 10 cm or 5 degrees.
     lost_ratio: float
-    #: Longest time without a break for which it was lost.
+    #: Longest continuous time in that state.
     longest_lost_s: float
     #: Fraction of the poses estimated after the first 2 s that are nearer to the truth than to its half turn.
     right_half_ratio: float | None
-    #: Times it came to touch another robot, and something fixed.
+    #: Numbers of contacts with other robots, and with fixed objects.
     collisions: int
     wall_contacts: int
-    #: Times it kicked the ball.
+    #: Number of kicks of the ball.
     kicks: int
-    #: Way driven.
+    #: Distance driven.
     distance_m: float
     #: Fraction of the time for which it had the ball within reach, nearer than any other robot.
     possession: float
     #: Longest time, of 5 s or more, that it stayed within 10 cm of a place though its commands were to drive (faster
     #: than 5 cm/s) for half of it or more, and free wheels would have driven twice as far; 0 if never.
     longest_stuck_s: float
-    #: When it was stopped, its player having failed.
+    #: When it was stopped because its player failed; None if it was not.
     stopped_s: float | None
     #: Reason; empty if it was not stopped.
     stopped_reason: str
-    #: Its camera as its player estimates it, every 5 s; empty if the player does not calibrate.
+    #: The player's estimates of its camera, every 5 s; empty if the player does not calibrate.
     calibration: tuple[CalibrationFigures, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class FaultFigures:
-    """A fault, and how long after its end the estimate was right (5 cm, 3 degrees) for half a second.
+    """A fault, and the recovery from it.
 
-    `recovery_s` is None if that never happened.
+    `recovery_s` is the time from the fault's end until the estimate is right (within 5 cm and 3 degrees) and stays so
+    for half a second; None if that never happened.
     """
 
     robot: int
@@ -112,7 +113,7 @@ class FaultFigures:
 
 @dataclass(slots=True)
 class _Run:
-    """How long a condition has held, and the longest it ever did."""
+    """How long a condition has held until now, and the longest time it has ever held."""
 
     now_s: float = 0.0
     longest_s: float = 0.0
@@ -141,12 +142,12 @@ class _Recovery:
 
 
 class RobotLog:
-    """Counts one robot's match, one control period after the other.
+    """Collects one robot's figures, one control period after the other.
 
     Parameters
     ----------
     acceleration_mps2 : float
-        Of free wheels.
+        The robot's acceleration limit, for the motion of free wheels.
     """
 
     def __init__(
@@ -174,7 +175,7 @@ class RobotLog:
         self.stopped_reason = ""
 
     def add(self, t_s: float, truth: Pose2, estimate: object, command: Command, has_ball: bool) -> None:
-        """Add a control period: true pose, estimate, command."""
+        """Add a control period: true pose, estimated pose or none, command, and whether the robot has the ball."""
         self._frames += 1
         is_near = False
         is_lost = True
@@ -199,7 +200,7 @@ class RobotLog:
             recovery.add(t_s, is_near)
 
     def add_calibration(self, t_s: float, state: OnlineState | None) -> None:
-        """Add what the player says of its camera, if it says so and the last that was kept is some time ago."""
+        """Add the player's estimate of its camera, if there is one and `CALIBRATION_EVERY_S` has passed."""
         if state is None or (self._calibration and t_s < self._calibration[-1].t_s + CALIBRATION_EVERY_S - 1e-9):
             return
         values = (getattr(state, one.name) for one in fields(CalibrationFigures)[1:])
@@ -241,7 +242,7 @@ class RobotLog:
 
     @property
     def fault_figures(self) -> tuple[FaultFigures, ...]:
-        """The recovery from each of its faults so far."""
+        """The recovery from each of the robot's faults so far."""
         return tuple(
             FaultFigures(self._robot, r.fault.kind, r.fault.from_s, r.fault.until_s, r.recovery_s)
             for r in self._recoveries
@@ -250,22 +251,22 @@ class RobotLog:
 
 @dataclass(slots=True)
 class _Step:
-    """A control period: position, whether it was commanded to drive, way driven, way of free wheels."""
+    """A control period: position x + iy, whether a drive was commanded, distances driven and of free wheels."""
 
     place_m: complex
     is_commanded: bool
-    came_m: float
+    driven_m: float
     free_m: float
 
 
 @dataclass(slots=True)
 class _Way:
-    """The last seconds, step by step."""
+    """The steps of the last `STUCK_S` seconds; vectors of the field frame are complex, x + iy."""
 
     acceleration_mps2: float
     steps: deque[_Step] = field(default_factory=deque)
     velocity_mps: complex = 0j
-    # command of a period ago, field frame: the robot obeys about that late
+    # the command of the period before, field frame: the robot obeys with about this delay
     commanded_mps: complex = 0j
 
     def add(self, truth: Pose2, command: Command) -> bool:
@@ -285,7 +286,7 @@ class _Way:
             return False
         if sum(s.is_commanded for s in self.steps) < len(self.steps) / 2:
             return False
-        return sum(s.came_m for s in self.steps) < sum(s.free_m for s in self.steps) / 2
+        return sum(s.driven_m for s in self.steps) < sum(s.free_m for s in self.steps) / 2
 
 
 def _quantile(values: array[float], level: float) -> float | None:

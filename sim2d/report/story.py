@@ -1,4 +1,4 @@
-"""Collects what the report draws and tells of a match: samples of its course, and the decisions of planning players."""
+"""Collects the contents of a match's report: samples of its course, and the decisions of planning players."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from robocup_vision.estimates import PoseEstimate
 from sim2d.world.state import Moment
 
-# ten samples a second
+# ten samples per second
 _PERIODS_PER_SAMPLE = 3
 TOPICS = ("gap", "speed", "gaze", "shot")
 
@@ -19,16 +19,16 @@ TOPICS = ("gap", "speed", "gaze", "shot")
 class ChoiceRate:
     """How often a robot made one choice."""
 
-    #: Its index.
+    #: Index of the robot.
     robot: int
-    #: As in `Reason`.
+    #: Topic and choice, as in `Reason`.
     topic: str
     choice: str
-    #: Part of the time in which it decided about the topic.
+    #: Fraction of the time in which it decided about the topic.
     rate: float
-    #: How often it changed to this choice.
+    #: Number of times that it changed to this choice.
     times: int
-    #: Reason in words, the first time.
+    #: Text of the reason the first time.
     example: str
 
 
@@ -37,11 +37,11 @@ class MatchStory:
 
     def __init__(self, robots: int) -> None:
         self.t_s = array("d")
-        # of each robot; the error is NaN where there was no estimate
+        # for each robot; the error is NaN without an estimate
         self.x_m = [array("f") for _ in range(robots)]
         self.y_m = [array("f") for _ in range(robots)]
         self.error_m = [array("f") for _ in range(robots)]
-        # how far each player believes the camera's centre to be from its file's; NaN where it does not calibrate
+        # distance of each player's estimate of the camera's centre from its file's; NaN if it does not calibrate
         self.center_moved_px = [array("f") for _ in range(robots)]
         # NaN while it plans no speed
         self.speed_mps = [array("f") for _ in range(robots)]
@@ -91,7 +91,7 @@ class MatchStory:
 
     @property
     def rates(self) -> list[ChoiceRate]:
-        """Robot by robot and topic by topic, the most frequent choice first."""
+        """Choices ordered by robot and topic, the most frequent one first."""
         rows = []
         for index in self.planners:
             counts = self._counts[index]

@@ -17,18 +17,18 @@ from sim2d.world.state import BallState, RobotMoment, RobotState, WorldState
 
 Bgr = tuple[int, int, int]
 
-# of the sides that attack +x and -x
+# by side: +1 attacks the goal at +x, -1 the other one
 SIDE_COLORS: dict[int, Bgr] = {1: (60, 190, 240), -1: (220, 120, 60)}
 _ROOM, _INK, _BODY = (70, 72, 75), (245, 245, 245), (40, 38, 36)
 # colour of plans; length of a drawn gaze, in robot radii
 _PLAN, _GAZE_RADII = (80, 255, 160), 8.0
-# a robot's number stays readable
+# smallest drawn radius, so that a robot's number stays readable
 _MIN_ROBOT_PX = 8.0
 _SHIFT = 4
 _MARGIN = 0.04
 # an estimate's ellipse holds 95 % of a normal distribution in the plane
 _ELLIPSE_SIGMAS = 2.448
-# a track is drawn with its way of the next seconds, a hypothesis from this probability on
+# a track is drawn with its path over this time, a hypothesis from this probability on
 _AHEAD_S, _MIN_PROBABILITY = 0.5, 0.02
 
 
@@ -38,7 +38,7 @@ class TopView:
     Parameters
     ----------
     robot_radius_m : float
-        Of the robots that play; on a field so large that they would be small, they are drawn larger.
+        Radius of the playing robots; on a large field they are drawn larger, so that they stay visible.
     """
 
     def __init__(self, field: Field, size_px: tuple[int, int], robot_radius_m: float) -> None:
@@ -54,7 +54,7 @@ class TopView:
         self._draw_ground(field)
 
     def draw(self, state: WorldState, robots: tuple[RobotMoment, ...] = ()) -> UInt8Array:
-        """Return the picture of a moment; without `robots` of the truth alone."""
+        """Return the picture of a moment; without `robots` only the truth is drawn."""
         canvas = self._ground.copy()
         for truth in state.robots:
             self._draw_robot(canvas, truth)
@@ -97,7 +97,7 @@ class TopView:
             for x0, y0, x1, y1 in field.walls.tolist():
                 self._path(ground, np.array([[x0, y0], [x1, y1]]), COLOR_NAMES[field.wall_color], 2)
         for beacon in field.beacons:
-            # its bands as rings, the lowest outside
+            # its colour bands are drawn as rings, the lowest outermost
             size_px, bands = max(beacon.radius_m * self._px_per_m, 6.0), len(beacon.colors)
             for band, name in enumerate(beacon.colors):
                 radius = round(size_px * (1 - band / bands) * (1 << _SHIFT))
@@ -118,7 +118,7 @@ class TopView:
     def _draw_ball(self, canvas: UInt8Array, ball: BallState) -> None:
         radius = round(max(self._ball_m * self._px_per_m, 3.0) * (1 << _SHIFT))
         cv2.circle(canvas, self._fixed(ball.x_m, ball.y_m), radius, self._ball_bgr, -1, cv2.LINE_AA, _SHIFT)
-        # a white ball on a white line
+        # an outline, for a white ball on a white line
         cv2.circle(canvas, self._fixed(ball.x_m, ball.y_m), radius, _BODY, 1, cv2.LINE_AA, _SHIFT)
 
     def _draw_estimate(self, canvas: UInt8Array, estimate: PoseEstimate, color: Bgr) -> None:
@@ -146,7 +146,7 @@ class TopView:
                 self._draw_heading(canvas, other.pose, 0.0, 0.7, color, 1)
 
     def _draw_plan(self, canvas: UInt8Array, status: PlayerStatus, pose: Pose2) -> None:
-        """Draw the way to the next waypoint, the gap that is taken, and where the head looks."""
+        """Draw the line to the next waypoint, the chosen gap, and the direction of the gaze."""
         if status.waypoint_in_field is not None:
             self._path(canvas, np.array([(pose.x_m, pose.y_m), status.waypoint_in_field]), _PLAN, 1)
         if status.gap_in_field is not None:

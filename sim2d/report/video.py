@@ -1,4 +1,4 @@
-"""Writes match.webm: the match from above with truth and estimates, beside each robot's frame with its detections."""
+"""Writes match.webm: the match from above with truth and estimates, and each robot's frame with its detections."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ from sim2d.report.top_view import SIDE_COLORS, Bgr, TopView
 from sim2d.robot_link import CONTROL_PERIOD_S
 from sim2d.world.state import Moment, RobotMoment, RobotState, WorldState
 
-# ten pictures a second, of 0.4 million pixels: more would take more time than the play itself
+# ten pictures per second, of 0.4 million pixels: drawing more would take longer than the match itself
 _PERIODS_PER_FRAME = 3
-# pictures that may wait to be drawn: each holds the robots' frames
+# moments that may wait to be drawn, bounded because each holds the robots' frames in memory
 _MAX_WAITING = 16
-# without smoothing the sensor's noise makes up two thirds of the file
+# smoothing removes the sensor's noise, which would make up two thirds of the file
 _SMOOTHING_PX = 0.8
 _TOP_WIDTH, _MIN_HEIGHT, _MIN_PANEL_HEIGHT = 620, 380, 180
 _LINE_HEIGHT = 22
 _POSTER_QUALITY = 80
-# of FREE, NO_GO and UNDECIDED cells
+# colours of FREE, NO_GO and UNDECIDED cells
 _MAP_COLORS = np.array([(90, 160, 90), (60, 60, 200), (120, 120, 120)], dtype=np.uint8)
 _PAPER, _INK, _SOFT = (38, 34, 32), (240, 240, 240), (170, 170, 170)
 
-# the encoder spreads a fixed rate over so many frames a second: what each gets leaves small text readable
+# frame rate stated to the encoder, which spreads a fixed bit rate over it (see `FilmFile`): small text stays readable
 _CLAIMED_PER_S = 7_000.0
 _VP8 = cv2.VideoWriter.fourcc(*"VP80")
 
 
 class MatchVideo:
-    """Writes a match as VP8 in a webm file; `problem` is the reason why it cannot; then nothing is written.
+    """Writes a match as VP8 in a webm file. If that is not possible, `problem` says why, and nothing is written.
 
-    Pictures are drawn and encoded by a thread of its own: the match goes on meanwhile. `poster`, once it is closed, is
-    the picture of play with the ball nearest to a goal, as JPEG; empty without any picture.
+    A thread of its own draws and encodes the pictures while the match continues. After `close`, `poster` is a JPEG of
+    the moment in play with the ball nearest to a goal; it is empty if there was no picture.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class MatchVideo:
             moment = self._waiting.get()
             if moment is None:
                 return
-            # after a failure the rest is taken and dropped: the match must not wait for a place
+            # after a failure the queue is still emptied, so that the match does not wait for a free place
             if self._failure is None:
                 try:
                     picture = self._pictures.draw(moment)
@@ -97,11 +97,11 @@ class MatchVideo:
                     self._failure = failure
 
     def _choose(self, moment: Moment, picture: UInt8Array) -> None:
-        """Keep the picture if it shows more of the game than that which is kept."""
+        """Keep the picture as the poster if the ball is nearer to a goal than in the poster so far."""
         distance_m, ball = math.inf, moment.state.ball
         if ball is not None and moment.state.phase == "play":
             distance_m = min((math.hypot(x_m - ball.x_m, ball.y_m) for x_m in self._goals_x_m), default=math.inf)
-        # of pictures without a ball in play the last one: at the start nothing has been seen yet
+        # without any ball in play the last picture is kept: on the first ones nothing has been detected yet
         if self._best is None or distance_m < self._best[0] or math.isinf(self._best[0]):
             self._best = (distance_m, picture)
 
@@ -137,12 +137,12 @@ class MatchPictures:
         self._head_height = 2 * _LINE_HEIGHT
         self._top = TopView(field, (_TOP_WIDTH, height - self._head_height), robot_radius_m)
         if isinstance(camera, PinholeCamera):
-            # a view of a camera on a neck is as seen from the head
+            # a frame is shown in the head's own frame, without the neck's pan
             camera = dataclasses.replace(camera, pan_rad=0.0, offset_m=(0.0, 0.0))
         self._vision = Vision(field, camera)
         self._name = field.name
         self.size_px = (_TOP_WIDTH + self._columns * self._panel_width, height)
-        # what no moment changes is drawn once
+        # the parts that never change are drawn once
         self._empty = np.full((height, self.size_px[0], 3), _PAPER, dtype=np.uint8)
         legend = "disc: truth   ring: estimate, with its 95 % ellipse   cross: estimated ball   small ring: track"
         _write(self._empty, legend, (14, 37), _SOFT, 0.38)
@@ -154,7 +154,7 @@ class MatchPictures:
         self._write_reasons(canvas, moment)
         self._write_head(canvas, moment.state)
         for index, (truth, robot) in enumerate(zip(moment.state.robots, moment.robots, strict=True)):
-            # one column a side where there are two
+            # with two columns, each side has its own
             row, column = divmod(index, self._columns)
             if self._columns == 2:
                 column, row = divmod(index, len(moment.robots) // 2)
@@ -220,17 +220,16 @@ def _write(canvas: UInt8Array, text: str, place: tuple[int, int], color: Bgr, si
 
 
 class FilmFile:
-    """A film of limited size, written picture by picture; `problem` says why it cannot be: then nothing is written.
+    """A film of limited size, written picture by picture. `problem` says why that is impossible; empty if it is not.
 
-    OpenCV takes neither a bit rate nor a quality for VP8: it asks the encoder for 4 bits a pixel, some 20 MB a
-    minute, but for no more than half of 2^31 bits a second. Pictures are therefore written first as a film of very
-    many pictures a second, which leaves few bits for each, and then taken over, as they are encoded, into a film at
-    their real rate.
+    OpenCV offers neither a bit rate nor a quality for VP8. It requests 4 bits per pixel, about 20 MB per minute, but at
+    most 2^30 bits per second. Pictures are therefore first written as a film with a very high frame rate, which leaves
+    few bits for each. The encoded pictures are then copied into a film with the real rate.
 
     Parameters
     ----------
     path : Path
-        The file, which is there once the film is closed. Until then there is one beside it that ends in ``.ivf``.
+        The file, which exists after `close`. Until then there is a temporary one beside it that ends in ``.ivf``.
     """
 
     def __init__(self, path: Path, pictures_per_s: float, size_px: tuple[int, int]) -> None:
@@ -281,7 +280,7 @@ class FilmFile:
                 is_read, packet = source.read()
                 if not is_read:
                     return
-                # the lowest bit of a VP8 picture is 0 where it needs no other
+                # the lowest bit of a VP8 picture is 0 if it is a key frame
                 film.set(cv2.VIDEOWRITER_PROP_KEY_FLAG, float(not np.ravel(packet)[0] & 1))
                 film.write(packet)
         finally:

@@ -1,6 +1,6 @@
-"""How a robot's body sways and carries its camera along: the gait of legs, the braking of wheels, the shake of a kick.
+"""Simulates the sway of a robot's body, which moves its camera: gait of legs, braking of wheels, shake of a kick.
 
-A body turns about its foot point; what its camera then sees is the renderer's affair.
+A body rotates about its foot point; the effect on the camera's frames is left to the renderer.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 from sim2d.robot_link import CONTROL_PERIOD_S, RobotLimits
 from sim2d.world.state import RobotState
 
-# what chance adds is correlated over this time
+# correlation time of the random part
 _CHANCE_TIME_S = 0.2
-# part of the largest speed or turning rate from which on steps are full
+# fraction of the largest speed or turning rate from which steps have their full size
 _FULL_STEP_RATIO = 0.3
-# the pitch follows the acceleration within this time
+# time constant with which the pitch follows the acceleration
 _PITCH_TIME_S = 0.05
 # frequency of the shake after a kick, and the time in which it falls to a third
 _KICK_HZ = 8.0
@@ -26,13 +26,13 @@ _KICK_TIME_S = 0.1
 
 
 class Sway(NamedTuple):
-    """How a body stands now, from upright."""
+    """Present deviation of a body from upright."""
 
-    #: Nose up is positive.
+    #: Pitch; nose up is positive.
     pitch_rad: float = 0.0
-    #: Right side down is positive.
+    #: Roll; right side down is positive.
     roll_rad: float = 0.0
-    #: Above its usual height.
+    #: Rise above its usual height.
     height_m: float = 0.0
 
 
@@ -41,29 +41,29 @@ UPRIGHT = Sway()
 
 @dataclass(frozen=True, slots=True)
 class SwaySettings:
-    """Values of `BodySway`."""
+    """Settings of `BodySway`."""
 
-    #: Amplitude of the gait's nod, roll and rise at full step; 0 on wheels.
+    #: Amplitudes of the gait's nod, roll and rise at full step; 0 on wheels.
     nod_rad: float = 0.0
     roll_rad: float = 0.0
     height_m: float = 0.0
-    #: Standard deviation of what chance adds to each, as a part of the amplitude: carpets are uneven.
+    #: Standard deviation of the random part of each, relative to the amplitude: carpets are uneven.
     chance_ratio: float = 0.7
-    #: Steps a second; the body nods with each, and rolls with each pair.
+    #: Steps per second; the body nods with each, and rolls with each pair.
     pace_hz: float = 1.7
-    #: Pitch by acceleration ahead: wheels' suspension and soft carpet; 0 on legs.
+    #: Pitch per forward acceleration: wheels' suspension and soft carpet; 0 on legs.
     pitch_rad_per_mps2: float = 0.0
     #: Amplitude of the shake after a kick.
     kick_rad: float = math.radians(1.0)
 
 
-# the walking sequences of `benchmarks.worlds.walks` nod and roll as much
+# the same amplitudes as in the walking sequences of `benchmarks.worlds.walks`
 LEGS_SWAY = SwaySettings(nod_rad=math.radians(1.2), roll_rad=math.radians(1.2), height_m=0.004)
 WHEELS_SWAY = SwaySettings(pitch_rad_per_mps2=math.radians(0.5))
 
 
 class BodySway:
-    """Follows the sway of one robot."""
+    """Simulates the sway of one robot."""
 
     def __init__(self, settings: SwaySettings, limits: RobotLimits, rng: np.random.Generator) -> None:
         self._settings, self._limits, self._rng = settings, limits, rng
@@ -75,7 +75,7 @@ class BodySway:
         self._kicked_s = math.inf
 
     def update(self, robot: RobotState, kicked: bool) -> Sway:
-        """Return the sway after one control period more, in which the robot kicked or did not."""
+        """Return the sway after another control period; `kicked`: whether the robot kicked in it."""
         settings, period_s = self._settings, CONTROL_PERIOD_S
         limits, (vx, vy) = self._limits, robot.velocity_mps
         effort = max(math.hypot(vx, vy) / limits.speed_mps, abs(robot.turn_rps) / limits.turn_rps)
@@ -96,7 +96,7 @@ class BodySway:
         ahead_mps = math.cos(heading) * vx + math.sin(heading) * vy
         acceleration = (ahead_mps - self._ahead_mps) / period_s
         self._ahead_mps = ahead_mps
-        # a collision or a robot that is carried elsewhere is no braking
+        # the acceleration is limited, because collisions and being carried are not braking
         most = 2 * limits.acceleration_mps2
         follows = 1 - math.exp(-period_s / _PITCH_TIME_S)
         lean_rad = settings.pitch_rad_per_mps2 * max(-most, min(most, acceleration))

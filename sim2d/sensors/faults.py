@@ -1,6 +1,6 @@
-"""Faults of a robot in a match, of its camera, its odometry or its body; and frames that come late, as real ones do.
+"""Simulated faults of a robot's camera, odometry or body, and the latency that real frames have.
 
-A fault is a value with its time. `FaultySenses` changes what a robot senses before its player gets it.
+A fault is a value with its time. `FaultySenses` applies faults to a robot's senses before its player receives them.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ class SenseFault:
     Parameters
     ----------
     robot : int
-        Its index.
+        Index of the robot.
     kind : {"dropped", "delayed", "frozen", "black", "odometry"}
         Frames are lost at random, come late, repeat the last good one as if it were new, or are black; or the odometry
-        errs.
+        has a scale error.
     from_s, until_s : float
-        When.
+        Beginning and end of the fault.
     amount : float
         "dropped": fraction of the frames, 0 to 1. "delayed": seconds. "odometry": relative error, 0.2 for a fifth too
         much, -0.2 for a fifth too little. Otherwise unused.
@@ -43,7 +43,7 @@ class SenseFault:
     Raises
     ------
     ArgumentError
-        If one of them is out of its range.
+        If a value is out of its range.
     """
 
     robot: int
@@ -64,7 +64,7 @@ class SenseFault:
             raise ArgumentError(f"amount of '{self.kind}' must be within {low:g} to {high:g}, got {self.amount!r}")
 
     def is_on(self, t_s: float) -> bool:
-        """Return whether it holds at a time."""
+        """Return whether the fault is active at a time."""
         return self.from_s - TIME_SLACK_S <= t_s < self.until_s - TIME_SLACK_S
 
 
@@ -75,15 +75,15 @@ class BodyFault:
     Parameters
     ----------
     robot : int
-        Its index.
+        Index of the robot.
     at_s : float
-        When.
+        Time of the fault.
     push_m : (float, float)
-        Way it is pushed, field frame, metres.
+        Displacement by a push, field frame, metres.
     turn_rad : float
-        Angle it is turned by on that way.
+        Turn during the push.
     carry_to : Pose2 or None
-        Where it is put down, field frame.
+        Pose to which it is carried, field frame.
     """
 
     robot: int
@@ -145,7 +145,7 @@ class FaultySenses:
         if "delayed" in on or self._longest_delay_s:
             senses = self._delayed(senses, on.get("delayed", 0.0))
         if "frozen" in on:
-            # the picture is old; its time and the pan are not
+            # the picture is old, but its time and pan are those of now
             came = self._last_good is not None
             frame, rig_frames = (None, None) if self._last_good is None else self._last_good
             senses = replace(
@@ -193,14 +193,14 @@ def _exposed_s(senses: Senses) -> float:
 
 @dataclass(frozen=True, slots=True)
 class LatencySettings:
-    """Values of `LateFrames`."""
+    """Settings of `LateFrames`."""
 
-    #: A frame comes so long after it was exposed at least, and at most.
+    #: Smallest and greatest latency of a frame.
     min_s: float = 0.02
     max_s: float = 0.06
-    #: Standard deviation of a frame's lateness about the robot's usual one, which is drawn once.
+    #: Standard deviation of a frame's latency about the robot's usual latency, which is drawn once.
     jitter_s: float = 0.005
-    #: Part of the frames that never come.
+    #: Fraction of the frames that are lost.
     lost_ratio: float = 0.02
 
     def __post_init__(self) -> None:
@@ -211,7 +211,7 @@ class LatencySettings:
 
 
 class LateFrames:
-    """Delays one robot's frames; everything else that it senses comes at once."""
+    """Delays one robot's frames; all its other senses have no delay."""
 
     def __init__(self, settings: LatencySettings, rng: np.random.Generator) -> None:
         self._settings, self._rng = settings, rng
@@ -219,7 +219,7 @@ class LateFrames:
         self._waiting: deque[tuple[float, Senses]] = deque()
 
     def apply(self, senses: Senses) -> Senses:
-        """Return the senses with the newest frame that has come by now; call it once each control period, in order."""
+        """Return the senses with the newest frame that has arrived; call it once each control period, in order."""
         settings = self._settings
         late_s = self._usual_s + settings.jitter_s * float(self._rng.standard_normal())
         is_lost = float(self._rng.random()) < settings.lost_ratio

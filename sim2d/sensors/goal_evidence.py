@@ -1,6 +1,6 @@
-"""Counts how often the goal localiser finds a goal and names its side, on rendered pictures from all over a field.
+"""Counts how often the goal localiser finds a goal and its side, on rendered pictures from random places on a field.
 
-The planner of looks (robocup_vision.planning.gaze.goal_question) goes by these counts.
+The planner of looks (robocup_vision.planning.gaze.goal_question) uses these counts.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from sim2d.rendering.scene import Light, Robot, Room, Scene
 from sim2d.sensors.match_camera import CARPET_MARGIN_M, MATCH_SENSOR
 
 WIDTHS_PX = (15.0, 25.0, 40.0, 60.0, 90.0)
-# how far a look strays from a goal's middle, and a second look from the first
+# largest deviation of a look from a goal's middle, and of a second look from the first; standard deviation of the tilt
 STRAY_RAD, AGAIN_RAD, TILT_RAD = 0.7, 0.15, 0.03
 MAX_ROBOTS = 6
 RIGHT, WRONG, NOTHING = range(3)
@@ -35,10 +35,9 @@ RIGHT, WRONG, NOTHING = range(3)
 class Counts:
     """Counts of outcomes."""
 
-    #: (CORNERS + 1, K, 3) int64: first looks by corners in view and by apparent width: the right goal, the wrong one,
-    #: nothing.
+    #: (CORNERS + 1, K, 3) int64: first looks by corners in view, apparent width, and outcome as above.
     first: npt.NDArray[np.int64]
-    #: Second looks at whole goals that the first had missed.
+    #: Numbers of second looks at whole goals that the first look had missed.
     again_found: int
     again_missed: int
 
@@ -49,19 +48,19 @@ class Counts:
 
 
 def count_evidence(field: Field, camera: PinholeCamera, seed: int, indices: Iterable[int]) -> Counts:
-    """Look at goals from random places, and count; look i depends on `seed` and i alone.
+    """Look at goals from random places, and count the outcomes; look i depends only on `seed` and i.
 
     Parameters
     ----------
     field : Field
-        With goals of posts, of different colours.
+        Field with goals of posts, of different colours.
     camera : PinholeCamera
-        On a head; its tilt must be known.
+        Camera of a head; its tilt must be known.
 
     Raises
     ------
     ArgumentError
-        If the field's goals have one colour, or the goal localiser cannot see them.
+        If the field's goals have the same colour, or the goal localiser does not support them.
     """
     if len({goal.color for goal in field.goals}) < 2:
         raise ArgumentError(
@@ -96,7 +95,7 @@ def _look(field: Field, camera: PinholeCamera, estimator: GoalPoseEstimator, rng
 
 
 def draw_scene(field: Field, place: tuple[float, float], rng: np.random.Generator) -> Scene:
-    """Draw robots on the field, at arm's length from a place, and any indoor light."""
+    """Draw random robots on the field, at least 0.4 m from a place, and a random indoor light."""
     half = np.array([field.length_m, field.width_m]) / 2 - 0.15
     spots = rng.uniform(-half, half, (int(rng.integers(MAX_ROBOTS + 1)), 2))
     robots = tuple(
@@ -114,7 +113,7 @@ def draw_scene(field: Field, place: tuple[float, float], rng: np.random.Generato
 
 
 def corners_in_view(scene: Scene, camera: PinholeCamera, pose: Pose2, side: int) -> tuple[int, float]:
-    """Return how many feet and tops of a goal's posts a picture shows, and the goal's width in it, pixels."""
+    """Return how many feet and tops of a goal's posts are visible in a picture, and the goal's width in it, pixels."""
     goal = next(goal for goal in scene.field.goals if goal.side == side)
     eye = np.array([pose.x_m, pose.y_m, camera.height_m])
     count, bearings = 0, []

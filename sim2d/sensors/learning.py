@@ -1,4 +1,4 @@
-"""Learns the models of camera and range sensor from rendered runs, whose scenes tell free and occupied cells."""
+"""Learns the models of camera and range sensor from rendered runs, in whose scenes the occupied cells are known."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from sim2d.sensors.runs import KINDS, map_vision, sensor_run
 
 FLOOR, RANGE = "floor", "range"
 KINDS_LEARNT = ("plain", "glare", "shadow", "glare_shadow")
-# the farthest ring that is looked at is as deep as so many cells
+# depth, in cells, up to which rings are used
 _DEEPEST_CELLS = 3.0
-# probabilities of a model before it is learnt: the evidence does not use them
+# placeholder probabilities before a model is learnt; the evidence does not depend on them
 _UNLEARNT = 0.6, 0.4
-# points along each side of a cell at which its cover is tested
+# number of test points along each side of a cell
 _POINTS = 5
 
 
 class CellTruth:
-    """The cells of a field.
+    """Which cells of a field are truly occupied or free.
 
     Attributes
     ----------
     occupied : (A, B) bool
-        Cells covered by half or more, that of the ball's middle, and those in which the field's walls stand: off the
+        Cells that are at least half covered, the cell of the ball's middle, and the cells of the field's walls: off the
         floor, next to cells with floor. Cells behind the walls are not occupied.
     free : (A, B) bool
-        Cells of which nothing covers any part. Cells that are neither are partly covered.
+        Cells that are not covered at all. Cells that are neither are partly covered.
     """
 
     def __init__(self, scene: Scene, cell_m: float) -> None:
@@ -85,11 +85,11 @@ class CellTruth:
             self.free[i, j] = False
 
     def window(self, grid: FreeSpaceMap) -> tuple[BoolArray, BoolArray]:
-        """Occupied and free cells (N, N) of a map as it lies now."""
+        """Occupied and free cells (N, N) in the present window of a map."""
         return self.cut(self.occupied, grid), self.cut(self.free, grid)
 
     def cut(self, cells: BoolArray, grid: FreeSpaceMap) -> BoolArray:
-        """Cut a map's window (N, N) out of values of the field's cells; false off the field."""
+        """Cut a map's window (N, N) out of an array of the field's cells; false outside of the field."""
         offset = np.rint(np.array(grid.corner_m) / self.cell_m).astype(int) - self.first
         along = [o + np.arange(grid.cells) for o in offset]
         inside = [(i >= 0) & (i < n) for i, n in zip(along, cells.shape, strict=True)]
@@ -104,11 +104,11 @@ class CellTruth:
 
 
 def sensor_reach(vision: Vision, scanner: RangeSensor, cell_m: float) -> dict[str, tuple[float, float]]:
-    """Ranges (nearest, reach) between which each sensor resolves cells of this size, metres."""
+    """Nearest and farthest range, metres, between which each sensor resolves cells of this size."""
     bounds = vision.grid.ring_bounds_m
     deep = np.flatnonzero(np.diff(bounds) > _DEEPEST_CELLS * cell_m)
     floor_m = float(bounds[deep[0]]) if len(deep) else float(bounds[-1])
-    # beams no farther apart than a cell
+    # up to where neighbouring beams are one cell apart
     range_m = min(scanner.reach_m, cell_m * scanner.beams / math.tau)
     return {FLOOR: (round(float(bounds[0]), 3), round(floor_m, 3)), RANGE: (0.0, round(range_m, 3))}
 
@@ -123,23 +123,23 @@ def learn_sensors(
     cell_m: float = 0.04,
     scanner: RangeSensor | None = None,
 ) -> Iterator[dict[str, SensorModel]]:
-    """Drive runs of each of `KINDS_LEARNT`, and yield the models as learnt so far after each run.
+    """Drive runs of each of `KINDS_LEARNT`, and yield the models learnt so far after each run.
 
     Parameters
     ----------
     camera : OmniCamera
-        With a known viewpoint height.
+        Camera with a known viewpoint height.
     seed : int
-        Not negative; run k of a kind depends on it, k and the kind alone.
+        Not negative; run k of a kind depends only on the seed, k and the kind.
     runs : int
-        Of each kind.
+        Number of runs of each kind.
     frames : int
-        Of each run.
+        Number of frames of each run.
 
     Notes
     -----
-    P(O|E) and P(O|not E) are fractions of the cells that a profile observes, by the rule of the map itself, from the
-    true pose of the robot. Cells that are covered by less than half do not count.
+    P(O|E) and P(O|not E) are fractions of the cells that a profile observes from the robot's true pose, by the map's
+    own rule. Partly covered cells do not count.
     """
     scanner = scanner or RangeSensor()
     vision = map_vision(field, camera)

@@ -1,4 +1,4 @@
-"""Renders the frames of a match: the pictures of each robot's cameras of one world state, in light that drifts."""
+"""Renders the frames of a match: each robot's picture of a world state, in light that drifts."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ from sim2d.world.state import BallState, RobotState, WorldState
 MATCH_SENSOR = Sensor(noise_sigma=8.0, blur_px=0.7, vignette=0.25)
 MATCH_LIGHT = Light(gradient=0.2, gradient_direction_rad=0.6)
 MATCH_ROOM = Room(seed=4, distance_m=1.2)
-CARPET_MARGIN_M = 0.5  # beyond the floor polygon where nothing bounds it
+CARPET_MARGIN_M = 0.5  # width of the carpet beyond the floor polygon of a field without walls
 MARKERS_BGR = {1: COLOR_NAMES["yellow"], -1: COLOR_NAMES["blue"]}
-# A camera that turns farther between two frames was carried elsewhere, and shows neither.
+# A camera that has turned farther between two frames was carried, and gets no motion blur and shutter effects.
 _MAX_TURN_RAD = 0.6
 
 
 @dataclass(frozen=True, slots=True)
 class LightDriftSettings:
-    """Values of `LightDrift`."""
+    """Settings of `LightDrift`."""
 
-    #: Greatest change of the brightness on the field, as a part of it.
+    #: Greatest relative change of the brightness on the field.
     level_ratio: float = 0.1
-    #: From one brightest moment to the next.
+    #: Period of the brightness.
     level_period_s: float = 40.0
-    #: In this time the direction in which it grows lighter over the field turns once.
+    #: Time in which the direction of the light's gradient over the field turns once.
     turn_period_s: float = 240.0
 
 
 class LightDrift:
-    """Changes a match's light with time; `light` is what it would be without the drift."""
+    """Changes a match's light with time; `light` is the light without drift."""
 
     def __init__(self, settings: LightDriftSettings, light: Light, rng: np.random.Generator) -> None:
         self._settings, self._light = settings, light
@@ -64,7 +64,7 @@ class LightDrift:
 
 
 class RollingBall:
-    """Follows the turn of one ball."""
+    """Tracks the rotation of one rolling ball."""
 
     def __init__(self, radius_m: float) -> None:
         self._radius_m = radius_m
@@ -72,7 +72,7 @@ class RollingBall:
         self._last_m: tuple[float, float] | None = None
 
     def turn_rad(self, ball: BallState) -> tuple[float, float, float]:
-        """Return its turns about x, y and z of the field, one after the other, now that it has rolled there."""
+        """Return the ball's rotations about the field's x, y and z axes, in this order, after it has rolled here."""
         if self._last_m is not None:
             self._roll(ball.x_m - self._last_m[0], ball.y_m - self._last_m[1])
         self._last_m = (ball.x_m, ball.y_m)
@@ -84,7 +84,7 @@ class RollingBall:
         distance_m = math.hypot(x_m, y_m)
         if distance_m == 0.0:
             return
-        # about the axis that lies across the way, to its left
+        # the axis of rotation is to the left of the direction of motion (Rodrigues' formula)
         ax, ay, angle = -y_m / distance_m, x_m / distance_m, distance_m / self._radius_m
         c, s = math.cos(angle), math.sin(angle)
         across = np.array([[0.0, 0.0, ay], [0.0, 0.0, -ax], [-ay, ax, 0.0]])
@@ -93,32 +93,30 @@ class RollingBall:
 
 @dataclass(frozen=True, slots=True)
 class ShutterSettings:
-    """How long a pinhole camera takes for a frame while its head and body turn."""
+    """The times of a pinhole camera's exposure, which matter while its head and body turn."""
 
-    #: Motion blur: a pixel gathers light for so long. An indoor hall's light needs some 10 ms.
+    #: Exposure of a pixel, which causes motion blur. The light of an indoor hall needs about 10 ms.
     exposure_s: float = 0.010
-    #: Rolling shutter: from the first row to the last, as a cheap sensor takes of its frame's 33 ms.
+    #: Rolling shutter: time from the first row to the last, as a cheap sensor takes it out of 33 ms for a frame.
     readout_s: float = 0.020
 
 
 class MatchCamera:
-    """Takes the pictures of all robots of a match, which carry cameras of one make.
+    """Takes the pictures of all robots of a match, which carry equal cameras.
 
     Parameters
     ----------
     camera : OmniCamera or PinholeCamera
-        On every robot: a mirror camera with a known viewpoint height, or a pinhole one with a known tilt, on a head
-        that pans.
+        Camera of every robot: a mirror camera of known viewpoint height, or a pinhole camera of known tilt on a head.
     shutter : ShutterSettings, optional
-        Of pinhole cameras; without it a frame takes no time.
+        Shutter of pinhole cameras; by default the exposure takes no time.
     backdrop : Backdrop, optional
-        Hangs on the room's wall in place of the room's own clutter; pinhole cameras only.
+        Picture on the room's wall, in place of the room's own clutter; for pinhole cameras only.
 
     Raises
     ------
     ArgumentError
-        If the sensor compresses, a pinhole camera's tilt is unknown, or
-        a mirror camera shall see bystanders or a backdrop.
+        If the sensor compresses, a tilt is unknown, or a mirror camera is given bystanders or a backdrop.
     """
 
     def __init__(
@@ -137,7 +135,7 @@ class MatchCamera:
         self.field, self.camera, self.limits = field, camera, limits
         self.boxes, self.sensor, self.light, self.room = tuple(boxes), sensor, MATCH_LIGHT, room
         self._rng, self._shutter = rng, shutter
-        # by robot: when its last frame was, and the camera's rotation then
+        # by robot: the time of its last frame, and the camera's rotation at that time
         self._last_rotation: dict[int, tuple[float, FloatArray]] = {}
         self._backdrop = backdrop
         self._frames = self._frames_of(camera)
@@ -146,11 +144,11 @@ class MatchCamera:
         size = 3 * camera.size_px[0] * camera.size_px[1]
         self._noise_starts = size
         drawn = rng.standard_normal(2 * size, dtype=np.float32) * np.float32(sensor.noise_sigma)
-        # a byte each, as every frame reads many: noise of more than half the sensor's range is clipped
+        # bytes are fast to read; noise of more than half the sensor's range is clipped
         self._noise = np.rint(np.clip(drawn, -127.0, 127.0)).astype(np.int8)
 
     def _frames_of(self, camera: OmniCamera | PinholeCamera) -> MirrorFrames | ForwardFrames:
-        """Return what draws the frames of a camera."""
+        """Return the renderer of a camera's frames."""
         scene = self._scene((), None)
         if isinstance(camera, PinholeCamera):
             if camera.tilt_rad is None:
@@ -161,19 +159,19 @@ class MatchCamera:
         return MirrorFrames(scene, camera, self.sensor)
 
     def set_camera(self, index: int, camera: OmniCamera | PinholeCamera) -> None:
-        """Give one robot a camera of its own from now on, of the same kind and image size as the others'.
+        """Replace one robot's camera by another one of the same kind and image size.
 
         Raises
         ------
         ArgumentError
-            If it is of another kind or size.
+            If the camera is of another kind or size.
         """
         if type(camera) is not type(self.camera) or camera.size_px != self.camera.size_px:
             raise ArgumentError("a robot's own camera must be of the kind and image size of the match's")
         self._own[index] = self._frames_of(camera)
 
     def scene(self, state: WorldState, index: int) -> Scene:
-        """Return the world around one robot: everything but itself."""
+        """Return the world around one robot: everything except itself."""
         return self._scene(self._robots(state, index), self._ball(state))
 
     def _robots(self, state: WorldState, index: int) -> tuple[Robot, ...]:
@@ -189,7 +187,7 @@ class MatchCamera:
             return None
         field, here = self.field, (state.ball.x_m, state.ball.y_m)
         color = COLOR_NAMES[field.ball_color]
-        # a mirror's picture of a ball is smaller than its patches
+        # in a mirror's picture a ball is too small to show its patches
         if not field.ball_patches or isinstance(self.camera, OmniCamera):
             return Ball(*here, field.ball_radius_m, color)
         turned = self._rolling.turn_rad(state.ball)
@@ -200,7 +198,7 @@ class MatchCamera:
         return Scene(self.field, self.boxes, robots, ball, self.light, self.room, margin)
 
     def set_light(self, light: Light) -> None:
-        """Light the field so from now on; the room behind it keeps its light."""
+        """Change the light on the field; the room behind it keeps its light."""
         for frames in (self._frames, *self._own.values()):
             frames.set_light(light)
         self.light = light
@@ -211,7 +209,7 @@ class MatchCamera:
         Parameters
         ----------
         sway : Sway
-            How its body stands; a mirror camera leans, but keeps its height.
+            The lean and height of the robot's body; a mirror camera leans, but keeps its height.
         """
         robots, ball, robot = self._robots(state, index), self._ball(state), state.robots[index]
         frames = self._own.get(index, self._frames)
@@ -221,14 +219,14 @@ class MatchCamera:
             light = self._expose(frames, robots, ball, state.t_s, index, self._eye(frames.camera, robot, sway))
         frame = self._blur(light)
         if self.sensor.noise_sigma:
-            # noise is drawn once; every frame takes it from another random start
+            # the noise was drawn once; every frame uses it from another random start
             start = int(self._rng.integers(self._noise_starts))
             add_noise(frame.reshape(-1), self._noise[start : start + frame.size])
         frame.flags.writeable = False
         return frame
 
     def _eye(self, camera: PinholeCamera, robot: RobotState, sway: Sway) -> EyeInField:
-        """Return where a robot's pinhole camera is: the head pans about the camera's axis, the body turns the head."""
+        """Return a pinhole camera's pose: the head pans about the camera's vertical axis, the body's lean turns it."""
         x_m, y_m = robot.pose.transform(camera.offset_m).tolist()
         pan_rad, tilt_rad, roll_rad = robot.pan_rad + (camera.pan_rad or 0.0), camera.tilt_rad, camera.roll_rad or 0.0
         height_m = camera.height_m + sway.height_m
@@ -254,7 +252,7 @@ class MatchCamera:
         index: int,
         eye: EyeInField,
     ) -> UInt8Array:
-        """Draw a pinhole camera's frame with what its turning since the robot's last frame does to it."""
+        """Draw a pinhole camera's frame with rolling shutter and motion blur, by its turn since the last frame."""
         shutter = self._shutter
         if shutter is None:
             return frames.draw(robots, ball, eye)
@@ -278,7 +276,7 @@ class MatchCamera:
         beside = sigma * sigma / 2
         if beside > 1 / 3:
             return np.asarray(cv2.GaussianBlur(frame, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE), dtype=np.uint8)
-        # three cells of the same variance: OpenCV is fastest at those
+        # a kernel of three pixels with the same variance, which OpenCV computes fastest
         narrow = math.sqrt(-0.5 / math.log(beside / (1 - 2 * beside)))
         blurred = cv2.GaussianBlur(frame, (3, 3), narrow, borderType=cv2.BORDER_REPLICATE)
         return np.asarray(blurred, dtype=np.uint8)

@@ -1,8 +1,8 @@
 """Fits the probabilities of `robocup_vision.localization.evidence` to rendered pictures and to ones without a field.
 
-A right pose is what the search finds within 5 cm and 3 degrees of the truth in rendered pictures, in clear conditions
-and in rough ones. A wrong one is the best that is found in a picture without a field, or where a fit ends that begins
-anywhere.
+A right pose is one that the search finds within 5 cm and 3 degrees of the truth in rendered pictures, under clear and
+under rough conditions. A wrong pose is the best one that is found in a picture without a field, or the end of a fit
+that started at a random pose.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from sim2d.rendering.random_scenes import CONDITIONS, Condition, sample
 
 CLEAR, ROUGH, CLUTTER, WRONG_PLACE = range(4)
 _CROWD, _BAD_DAY = CONDITIONS["crowd"], CONDITIONS["bad_day"]
-# names of the sets of pictures: what disturbs them, and which condition of a right pose they show
+# sets of pictures by name: their disturbances, and whether these are clear or rough conditions
 SETS: dict[str, tuple[Condition, int]] = {
     **{name: (condition, ROUGH if condition.shadow else CLEAR) for name, condition in CONDITIONS.items()},
     "dense": (dataclasses.replace(_CROWD, obstacles=(9, 13)), CLEAR),
@@ -42,14 +42,14 @@ SETS: dict[str, tuple[Condition, int]] = {
         ROUGH,
     ),
 }
-# pictures without a field for each picture of a set
+# number of pictures without a field for each picture of a set
 CLUTTER_PER_PICTURE = 24
 RIGHT_M, RIGHT_RAD = 0.05, math.radians(3.0)
 WRONG_M, WRONG_RAD = 0.15, math.radians(8.0)
-# fits that begin anywhere, and fits that begin near the truth, of each picture
+# numbers of fits of each picture that start at random poses, and that start near the truth
 STARTS, PRIORS = 3, 3
 PRIOR_STD = (0.05, 0.05, math.radians(5.0))
-# what has not happened yet is not impossible
+# added to each count, since a state that has not occurred is not impossible
 PSEUDO_COUNT = 0.5
 _ROUNDS = 3
 
@@ -63,21 +63,24 @@ class Sample(NamedTuple):
 
 @dataclass(eq=False)
 class Samples:
-    """What poses look like."""
+    """Samples of right and wrong poses."""
 
-    #: Right poses, in clear and in rough conditions.
+    #: Right poses, under clear and under rough conditions.
     right: tuple[list[Sample], list[Sample]] = field(default_factory=lambda: ([], []))
-    #: Where fits end that begin anywhere.
+    #: Wrong ends of fits that started at random poses.
     wrong_place: list[Sample] = field(default_factory=list)
-    #: All that is found in each picture without a field.
+    #: All poses found in each picture without a field.
     clutter: list[list[Sample]] = field(default_factory=list)
-    #: list of (6,) float64: outlines of wrong fits that fix a pose, from the first guess and from near the truth.
+    #: list of (6,) float64: outlines of wrong fits that determine a pose, from the first guess and from near the truth.
     wrong_fixed: list[FloatArray] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
 class FittedCue:
-    """Probabilities (2, S) of a cue's states by right and wrong poses, and how many samples err alike."""
+    """Probabilities (2, S) of a cue's states given right and given wrong poses.
+
+    `correlation` is the number of samples that count as one independent sample, since their errors are correlated.
+    """
 
     right: FloatArray
     wrong: FloatArray
@@ -85,13 +88,13 @@ class FittedCue:
 
     @property
     def likelihoods(self) -> Likelihoods:
-        """As the verdict takes them."""
+        """The likelihoods in the format of the verdict."""
         return Likelihoods.of(self.right, self.wrong, self.correlation)
 
 
 @dataclass(frozen=True, eq=False)
 class FittedEvidence:
-    """What the file holds, see `PoseEvidence`."""
+    """The content of the evidence file, see `PoseEvidence`."""
 
     outline: FittedCue
     lines: FittedCue
@@ -99,7 +102,7 @@ class FittedEvidence:
 
 
 class _Looker:
-    """Finds what a picture holds for the fit."""
+    """Finds poses in a picture, and counts the states of their outlines and lines."""
 
     def __init__(self, on: Field, camera: OmniCamera) -> None:
         if not on.is_bounded or not len(on.lines) + len(on.arcs):
@@ -111,12 +114,12 @@ class _Looker:
         self._lines = LineEvidence(LineMap(on), self._pipeline.polar, flat)
 
     def measure(self, frame: np.ndarray) -> FrameEvidence | None:
-        """Return what a picture shows, by itself."""
+        """Return the evidence of a picture, independently of earlier ones."""
         self._pipeline.forget()
         return self._pipeline.measure(frame)
 
     def candidates(self, seen: FrameEvidence) -> list[OutlineFit]:
-        """Return all fits that are places on the field."""
+        """Return all fits that determine a place on the field."""
         first, fitter = self.fitter.from_guess(seen.edge_px), self.fitter
         found = [] if first is None else fitter.search.candidates(first, seen.edge_px)
         return [fit for fit in found if fitter.is_fixed_place(fit)]
@@ -133,12 +136,12 @@ class _Looker:
 
 
 def picture_count(count: int) -> int:
-    """Return how many pictures `count` of each set come to, those without a field included."""
+    """Return the total number of pictures: `count` of each set, and those without a field."""
     return count * (len(SETS) + CLUTTER_PER_PICTURE)
 
 
 def draw_samples(on: Field, camera: OmniCamera, seed: int, count: int) -> Iterator[Samples]:
-    """Yield all samples so far after each of `count` pictures a set: always the same, growing object.
+    """Yield all samples so far after each of `count` pictures per set; it is always the same, growing object.
 
     Raises
     ------
@@ -170,7 +173,7 @@ def clutter_names() -> list[str]:
 def _add_field(
     looker: _Looker, seen: FrameEvidence, truth: Pose2, samples: Samples, row: int, rng: np.random.Generator
 ) -> None:
-    """Add what a picture of the field shows from a true pose."""
+    """Add the samples of a picture of the field, taken from a true pose."""
     fitter = looker.fitter
     right = [fit for fit in looker.candidates(seen) if _is_within(fit, truth, RIGHT_M, RIGHT_RAD)]
     if right:
@@ -187,16 +190,16 @@ def _add_field(
             samples.wrong_fixed.append(looker.outline(one, seen))
 
 
-def _is_within(fit: OutlineFit, truth: Pose2, most_m: float, most_rad: float) -> bool:
+def _is_within(fit: OutlineFit, truth: Pose2, max_m: float, max_rad: float) -> bool:
     distance, angle = Pose2(*fit.pose).error_to(truth, symmetric=True)
-    return distance <= most_m and angle <= most_rad
+    return distance <= max_m and angle <= max_rad
 
 
 def fit_samples(samples: Samples, min_log_odds: float) -> FittedEvidence:
-    """Turn samples into probabilities.
+    """Estimate the probabilities from samples.
 
-    Which of the poses in a picture without a field is its best one depends on the probabilities: they are fitted in
-    turns.
+    The best pose in a picture without a field depends on the probabilities, so best poses and probabilities are
+    computed alternately.
 
     Raises
     ------
@@ -222,15 +225,15 @@ def _fit_cue(rows: list[list[FloatArray]], states: tuple[str, ...]) -> FittedCue
     totals = np.array([one.sum(axis=0) for one in counts]) + PSEUDO_COUNT
     p = totals / totals.sum(axis=1, keepdims=True)
     correlation = max(
-        _err_alike(counts[right], p[right], np.log(p[right] / p[wrong]))
+        _variance_ratio(counts[right], p[right], np.log(p[right] / p[wrong]))
         for right in (CLEAR, ROUGH)
         for wrong in (CLUTTER, WRONG_PLACE)
     )
     return FittedCue(p[:CLUTTER], p[CLUTTER:], max(correlation, 1.0))
 
 
-def _err_alike(counts: FloatArray, p: FloatArray, ratio: FloatArray) -> float:
-    """Return how many samples err alike: how much more a picture's sum varies than that of independent samples."""
+def _variance_ratio(counts: FloatArray, p: FloatArray, ratio: FloatArray) -> float:
+    """Return the variance of a picture's sum of log ratios, divided by that of independent samples."""
     number = counts.sum(axis=1)
     mean = float(p @ ratio)
     independent = float(p @ (ratio - mean) ** 2)

@@ -1,4 +1,4 @@
-"""A range sensor that turns in a level plane: it measures what is higher than the plane."""
+"""A range sensor that scans in a horizontal plane: it measures things that reach up to the plane."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ class RangeSensor:
     Raises
     ------
     ArgumentError
-        If one is out of its range.
+        If a value is out of its range.
     """
 
-    #: Height of the plane over the floor. A ball that reaches higher is met where the plane cuts it.
+    #: Height of the plane above the floor. A higher ball is met where the plane cuts it.
     height_m: float = 0.08
-    #: Evenly all around.
+    #: Number of beams, evenly spaced over a full turn.
     beams: int = 240
-    #: What is farther gives no echo.
+    #: Distance beyond which things give no echo.
     reach_m: float = 3.0
     #: Standard deviation of each range.
     noise_std_m: float = 0.01
-    #: Fraction of beams that get no echo from something within reach: they look as if nothing were there.
+    #: Fraction of beams without an echo although something is within reach.
     dropout_rate: float = 0.02
 
     def __post_init__(self) -> None:
@@ -48,14 +48,14 @@ class RangeSensor:
             raise ArgumentError(f"dropout_rate must be within 0 to 1, got {self.dropout_rate}")
 
     def scan(self, scene: Scene, pose: Pose2, rng: np.random.Generator) -> RangeProfile:
-        """Measure all around.
+        """Measure a full turn.
 
         Parameters
         ----------
         scene : Scene
-            What is there; without the robot that carries the sensor.
+            All objects, without the robot that carries the sensor.
         pose : Pose2
-            That robot, field frame.
+            Pose of that robot, field frame.
         """
         bearing = read_only((np.arange(self.beams) + 0.5) * (math.tau / self.beams) - math.pi)
         true_m = self._with_cut_ball(scene).free_range_m(pose, bearing, self.height_m)

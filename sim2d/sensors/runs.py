@@ -1,6 +1,6 @@
-"""Drives among things of all heights under glare and shadows, seen by camera and range sensor, with truth.
+"""Simulated drives among objects of all heights, under glare and shadows, seen by camera and range sensor, with truth.
 
-What maps of the free floor are learnt from and judged on.
+Maps of the free floor are learnt from them and evaluated on them.
 """
 
 from __future__ import annotations
@@ -38,24 +38,24 @@ _MOVER_SPEED_MPS = (0.3, 0.6)
 _ROOM_M = 0.04
 _MIN_LEG_M = 0.3
 _TRIES = 400
-# lamps hang so high, so far away; a mirror image of one on the floor is blurred by the carpet
+# height of lamps, range of their distances, and size and strength of their reflections, which the carpet blurs
 _LAMP_HEIGHT_M, _LAMP_AWAY_M = 2.5, (3.0, 12.0)
 _LAMP_SIGMA_M, _LAMP_AMPLITUDE = (0.04, 0.10), (50.0, 110.0)
 
 
 @dataclass(frozen=True, slots=True)
 class RunKind:
-    """What a run is disturbed by."""
+    """The disturbances and objects of a run."""
 
-    #: Ceiling lamps whose reflections lie on the floor and move with the viewpoint.
+    #: Number of ceiling lamps, whose reflections on the floor move with the viewpoint.
     lamps: int = 0
-    #: Bright places that stay where they are.
+    #: Number of bright patches that do not move.
     sun_patches: int = 0
     #: A hard shadow over part of the floor.
     shadow: bool = False
-    #: Robots that drive to and fro.
+    #: Number of robots that drive to and fro.
     movers: int = 0
-    #: Things that stand: boxes, low ones (fallen robots), upright robots.
+    #: Numbers of standing objects: boxes, low boxes (fallen robots), upright robots.
     boxes: int = 2
     fallen: int = 2
     robots: int = 1
@@ -72,25 +72,25 @@ KINDS: dict[str, RunKind] = {
 
 @dataclass(frozen=True, eq=False)
 class SensorFrame:
-    """What both sensors see at one moment, and the truth."""
+    """What both sensors measure at one moment, and the truth."""
 
     #: Time of the frame.
     t_s: float
-    #: The robot by camera and odometry, field frame; None while it is lost.
+    #: The robot's pose estimated from camera and odometry, field frame; None while it is lost.
     estimated: Pose2 | None
-    #: What camera and range sensor see.
+    #: Range profiles of the camera and of the range sensor.
     floor: RangeProfile
     scan: RangeProfile
-    #: Truth: the robot.
+    #: Truth: the robot's pose.
     pose: Pose2
-    #: Truth: what stands, and the light as it is seen from here; without movers.
+    #: Truth: the standing objects, without movers, and the light as seen from this pose.
     scene: Scene
-    #: (M, 3) float64: truth: x, y and radius of what moves.
+    #: (M, 3) float64: truth: x, y and radius of the movers, field frame, metres.
     movers_m: FloatArray
 
 
 def map_vision(field: Field, camera: OmniCamera) -> Vision:
-    """Make a `Vision` whose free space is fine enough for a map, and that remembers where it is."""
+    """Make a `Vision` with a memory, whose free space has a resolution that suits a map."""
     return Vision(field, camera, directions=DIRECTIONS, rings=RINGS, memory=Memory(field))
 
 
@@ -104,19 +104,19 @@ def sensor_run(
     scanner: RangeSensor | None = None,
     vision: Vision | None = None,
 ) -> Iterator[SensorFrame]:
-    """Drive about a random scene, and yield what the sensors see ten times a second.
+    """Drive through a random scene, and yield the sensors' measurements ten times per second.
 
     Parameters
     ----------
     camera : OmniCamera
         With a known viewpoint height.
     vision : Vision, optional
-        From `map_vision`, to be used again: it forgets first.
+        One made by `map_vision`, to be reused; its memory is cleared first.
 
     Raises
     ------
     ArgumentError
-        If the field has no room.
+        If there is no room on the field for the objects or the drive.
     """
     scanner = scanner or RangeSensor()
     vision = vision or map_vision(field, camera)
@@ -169,7 +169,7 @@ def sensor_run(
 
 
 class _Layout:
-    """Where things stand, and ways between them."""
+    """Draws places of objects, and free ways between them."""
 
     def __init__(self, field: Field, radius_m: float, rng: np.random.Generator) -> None:
         self.field, self.radius_m, self._rng = field, radius_m, rng
@@ -208,7 +208,7 @@ class _Layout:
         return self._scene
 
     def place(self) -> Point:
-        """Draw a place for a robot from which it can drive somewhere."""
+        """Draw a place for a robot from which it can drive straight to another one."""
         for _ in range(_TRIES):
             spot = self._spot(self.radius_m)
             if self.leg(spot) != spot:
@@ -216,7 +216,7 @@ class _Layout:
         raise ArgumentError(f"field '{self.field.name}' has no room to drive")
 
     def lane(self) -> tuple[Point, Point]:
-        """Draw a way on which a robot can drive to and fro."""
+        """Draw both ends of a straight way on which a robot can drive to and fro."""
         for _ in range(_TRIES):
             start = self._spot(self.radius_m)
             end = self.leg(start)
@@ -268,7 +268,7 @@ def _towards(pose: Pose2, target: Point, speed_mps: float, turn_rps: float) -> C
 
 
 def _lamp(rng: np.random.Generator) -> tuple[float, float, float, float]:
-    """Place (x, y) of a lamp, and the size and strength of its reflection."""
+    """Draw a lamp: its x and y, field frame, and standard deviation and amplitude of its reflection."""
     away, direction = rng.uniform(*_LAMP_AWAY_M), rng.uniform(-math.pi, math.pi)
     return (
         away * math.cos(direction),
@@ -281,7 +281,7 @@ def _lamp(rng: np.random.Generator) -> tuple[float, float, float, float]:
 def _with_reflections(
     scene: Scene, lamps: list[tuple[float, float, float, float]], camera: OmniCamera, pose: Pose2
 ) -> Scene:
-    """Scene with each lamp mirrored in the floor: where a ray from the viewpoint would be thrown to the lamp."""
+    """Return the scene with each lamp's reflection where the floor would mirror a ray from the viewpoint to it."""
     if not lamps or camera.height_m is None:
         return scene
     fraction = camera.height_m / (camera.height_m + _LAMP_HEIGHT_M)

@@ -1,4 +1,4 @@
-"""The radio between robots of one team: short messages at a low rate, some of them late, some of them lost."""
+"""The radio between robots of one team: short messages at a low rate, with delays and losses."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ MESSAGE_PERIOD_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class ChannelSettings:
-    """Values of `TeamChannel`."""
+    """Settings of `TeamChannel`."""
 
-    #: Part of the messages that a robot does not get, each robot by itself: wireless networks in a full hall.
+    #: Probability that a message is lost, independently for each receiver, as in a wireless network in a full hall.
     loss_ratio: float = 0.1
-    #: A message takes so long at least, and at most; a later one may come sooner.
+    #: Bounds of a message's delay; messages may overtake each other.
     min_delay_s: float = 0.02
     max_delay_s: float = 0.1
 
@@ -40,17 +40,17 @@ UNDISTURBED = ChannelSettings(0.0, 0.0, 0.0)
 class TeamChannel:
     """Carries the messages of the robots of one team.
 
-    A robot may send one message in `MESSAGE_PERIOD_S`; one that it gives sooner is not sent.
+    A robot may send one message in `MESSAGE_PERIOD_S`; earlier ones are not sent.
 
     Parameters
     ----------
     rngs : sequence of numpy.random.Generator
-        Source of chance for the messages of each robot.
+        Random generators for the messages of each robot.
     """
 
     def __init__(self, settings: ChannelSettings, rngs: Sequence[np.random.Generator]) -> None:
         self._settings, self._rngs = settings, tuple(rngs)
-        # for each robot: when a message comes, which one of all it is, its bytes
+        # for each receiving robot: time of arrival, number among all messages, bytes
         self._coming: list[list[tuple[float, int, bytes]]] = [[] for _ in self._rngs]
         self._next_s = [-np.inf] * len(self._rngs)
         self._sent = 0
@@ -61,7 +61,7 @@ class TeamChannel:
         Raises
         ------
         ArgumentError
-            If it is longer than the channel carries.
+            If it is not bytes, or too long.
         """
         check_message(message)
         if t_s < self._next_s[robot] - TIME_SLACK_S:
@@ -78,7 +78,7 @@ class TeamChannel:
                 self._sent += 1
 
     def received(self, robot: int, t_s: float) -> tuple[bytes, ...]:
-        """Return the messages that have come to a robot since the last call, in the order in which they came."""
+        """Return the messages that have reached a robot since the last call, in order of arrival."""
         coming = self._coming[robot]
         here = sorted(one for one in coming if one[0] <= t_s + TIME_SLACK_S)
         self._coming[robot] = [one for one in coming if one[0] > t_s + TIME_SLACK_S]
@@ -86,7 +86,7 @@ class TeamChannel:
 
 
 def check_message(message: object) -> None:
-    """Refuse what no channel carries.
+    """Refuse a message that no channel can carry.
 
     Raises
     ------

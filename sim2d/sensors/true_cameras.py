@@ -1,6 +1,6 @@
-"""True cameras drawn about their file: no robot's camera is quite what its file says, and a knock moves it.
+"""Draws true cameras at random: a robot's camera is never quite as its file says, and a knock moves it.
 
-The player gets the file's camera. What the frames are drawn with is the simulator's alone.
+The player gets the file's camera; only the simulator knows the true one, with which the frames are drawn.
 """
 
 from __future__ import annotations
@@ -17,46 +17,46 @@ from robocup_vision.camera.floor_range import magnified
 
 @dataclass(frozen=True, slots=True)
 class CameraErrorSettings:
-    """Standard deviations of a true camera about its file."""
+    """Standard deviations of a true camera's values about those in its file."""
 
-    #: Of the mirror's axis in the image, each way.
+    #: Mirror's axis in the image, along u and v.
     mirror_center_px: float = 1.5
-    #: Of the image radius of every floor range, relative.
+    #: Image radius of every floor range, relative.
     mirror_curve_ratio: float = 0.02
-    #: Of the mirror's axis about either horizontal axis.
+    #: Tilt of the mirror's axis about each horizontal axis.
     mirror_tilt_rad: float = math.radians(0.3)
-    #: Of a pinhole camera's focal length, relative.
+    #: Focal length of a pinhole camera, relative.
     focal_ratio: float = 0.01
-    #: Of its optical axis in the image, each way.
+    #: Its optical axis in the image, along u and v.
     center_px: float = 3.0
-    #: Of its tilt and of its roll; of its height.
+    #: Its tilt and its roll, each; its height.
     tilt_rad: float = math.radians(0.5)
     height_m: float = 0.005
-    #: Of its pan: a neck's joint, or a camera on board that looks a little aside. None by default: frames do not tell
-    #: it from the robot's own heading, and nothing estimates it yet.
+    #: Its pan: error of a neck's joint, or of a fixed camera's direction. 0 by default, because in frames it cannot be
+    #: distinguished from the robot's own heading, and nothing estimates it yet.
     pan_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class KnockSettings:
-    """When a knock moves a robot's camera once more, by as much as `CameraErrorSettings` say."""
+    """When and how much a knock moves a robot's camera."""
 
-    #: At a moment between these, drawn for each robot.
+    #: The time is drawn between these, for each robot.
     from_s: float = 10.0
     until_s: float = 40.0
-    #: By how much; a knock changes no lens.
+    #: Standard deviations of the change; a knock does not change the lens.
     error: CameraErrorSettings = CameraErrorSettings(mirror_curve_ratio=0.0, focal_ratio=0.0)
 
 
 def draw_camera(
     camera: OmniCamera | PinholeCamera, error: CameraErrorSettings, rng: np.random.Generator
 ) -> OmniCamera | PinholeCamera:
-    """Draw a true camera about one.
+    """Draw a true camera at random about a given one.
 
     Parameters
     ----------
     camera : OmniCamera or PinholeCamera
-        As its file says, or as it truly was before a knock.
+        The camera of the file, or the true one before a knock.
     """
     u, v, scale, first, second, up = rng.standard_normal(6).tolist()
     center_u, center_v = camera.center_px
@@ -86,9 +86,9 @@ def draw_camera(
 
 
 def with_stated_errors(camera: PinholeCamera, error: CameraErrorSettings) -> PinholeCamera:
-    """Return a camera whose standard deviations are at least the errors of its file.
+    """Return a camera whose stated standard deviations are at least those of the errors.
 
-    A centre that is off looks like a tilt, to a frame. A focal length that is off is left to what calibrates.
+    In a frame, an error of the centre looks like one of the tilt. Errors of the focal length are left to calibration.
     """
     stated, roll_std_rad = (camera.height_std_m, camera.roll_std_rad), camera.roll_std_rad
     if roll_std_rad is not None:
@@ -106,9 +106,9 @@ class TrueCamera:
     Parameters
     ----------
     error : CameraErrorSettings or None
-        How far it is off its file from the start; None: it is what its file says.
+        Its deviation from the file from the start; None: it is as its file says.
     knock : KnockSettings or None
-        When it is moved; None: never.
+        When and how much it is moved; None: never.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class TrueCamera:
         self.knock_s = math.inf if knock is None else float(self._rng.uniform(knock.from_s, knock.until_s))
 
     def is_knocked_by(self, t_s: float) -> bool:
-        """Return whether a knock has moved the camera since the call before; it is another one then."""
+        """Return whether a knock has moved the camera since the last call; then `camera` is changed."""
         if self._knock is None or t_s < self.knock_s:
             return False
         self.camera = draw_camera(self.camera, self._knock.error, self._rng)

@@ -1,4 +1,4 @@
-"""Crops that the ball classifier learns from: balls, and places that show none, of renderings and of photographs."""
+"""Crops for training the ball classifier: balls and other places, from renderings and photographs."""
 
 from __future__ import annotations
 
@@ -21,46 +21,46 @@ from sim2d.rendering.pinhole import render_pinhole, smear
 from sim2d.rendering.random_scenes import Condition, random_scene
 from sim2d.training.ball_scenes import Scene
 
-# side of a crop: so large that what the networks see lies in it, however it is shifted and scaled
+# side of a crop: large enough for the networks' input after any shift and scaling
 BANK_PX = 48
-# what is no ball lies so many radii from all balls: nearer the networks may answer as they like
+# least distance of negative examples from all balls, in radii; nearer places are not used
 _APART_RADII = 1.5
-# sizes about that which a place asks for, as logarithms
+# largest deviation of the size of random places, as a logarithm
 _SIZE_SPREAD = 0.25
-# of the whole fields that are drawn
+# fields of the rendered pictures
 _FIELDS = ("spl_2020", "spl_2020", "msl_18x12", "ssl_2001", "four_legged_2007")
 _BACKDROPS: tuple[BackdropKind, ...] = ("plain", "hall", "hall")
 _VIEW_PX = (400, 300)
 
 
 class Crops(NamedTuple):
-    """Crops, and which of them show a ball of `CROP_RADIUS_PX` in their middle."""
+    """Crops, and which of them show a ball of radius `CROP_RADIUS_PX` in their middle."""
 
     #: (N, 48, 48, 3) uint8: BGR.
     images: UInt8Array
-    #: (N,) bool: what is not shows none in its middle.
+    #: (N,) bool: whether there is a ball in the middle.
     is_ball: BoolArray
 
 
 class Picture(NamedTuple):
-    """A picture of a field and what is known of it."""
+    """A picture of a field, with its balls."""
 
     #: (H, W, 3) uint8: BGR.
     frame: UInt8Array
-    #: Where it shows floor, and how large a ball is there.
+    #: Places on the floor, and the size of a ball there.
     strips: BallStrips
-    #: (N, 3) float64: centre u, v and radius of each, pixels; unsure: cut by the picture's rim.
+    #: (N, 3) float64: centre u, v and radius of each ball, pixels; unsure ones are cut by the picture's border.
     balls: FloatArray
     unsure: FloatArray
 
 
 def joined(parts: Sequence[Crops]) -> Crops:
-    """Return all crops as one."""
+    """Concatenate crops."""
     return Crops(np.concatenate([one.images for one in parts]), np.concatenate([one.is_ball for one in parts]))
 
 
 def pictures_of(dataset: Dataset) -> list[Picture]:
-    """Read a dataset's photographs, whose balls are marked in its boxes.csv, and where they show floor."""
+    """Read a dataset's photographs with the balls of its boxes.csv; none if a ball's size is unknown everywhere."""
     sizes = ball_projection(dataset.camera, dataset.field.ball_radius_m).sizes
     strips = BallPlaces(sizes, dataset.mask).strips
     pictures = []
@@ -79,7 +79,7 @@ def pictures_of(dataset: Dataset) -> list[Picture]:
 
 
 def rendered_pictures(rng: np.random.Generator, count: int) -> list[Picture]:
-    """Draw fields with a ball, as a forward camera sees them, by the renderer that the project is tested by."""
+    """Render pictures of fields, most of them with a ball, for a forward camera."""
     pictures = []
     for index in range(count):
         field = load_field(_FIELDS[index % len(_FIELDS)])
@@ -116,7 +116,7 @@ def rendered_pictures(rng: np.random.Generator, count: int) -> list[Picture]:
 
 
 def scene_crops(rng: np.random.Generator, scenes: Sequence[Scene], others: int) -> Crops:
-    """Cut the balls out of renderings, and so many places of each that show none."""
+    """Cut the balls out of renderings, and up to `others` random places of each that do not show one."""
     parts = []
     for scene in scenes:
         height, width = scene.image.shape[:2]
@@ -127,11 +127,11 @@ def scene_crops(rng: np.random.Generator, scenes: Sequence[Scene], others: int) 
 
 
 def picture_crops(rng: np.random.Generator, pictures: Sequence[Picture], others: int) -> Crops:
-    """Cut the balls out of pictures, and so many places of the floor of each that show none."""
+    """Cut the balls out of pictures, and up to `others` places on the floor of each that do not show one."""
     parts = []
     for one in pictures:
         places = one.strips.places_px
-        # strips of far balls have the most places
+        # there are more places for small (far) balls: their rate is reduced
         sizes = np.floor(2 * np.log2(places[:, 2])).astype(int)
         rate = 1.0 / np.bincount(sizes - sizes.min())[sizes - sizes.min()] ** 0.5
         chosen = places[rng.choice(len(places), min(others, len(places)), replace=False, p=rate / rate.sum())]
@@ -140,7 +140,7 @@ def picture_crops(rng: np.random.Generator, pictures: Sequence[Picture], others:
 
 
 def mistaken_crops(pictures: Sequence[Picture], network: BallNetwork, most: int) -> Crops:
-    """Cut out of pictures what the first network is surest of, and what is no ball; so many of each at most."""
+    """Cut the false balls of which a network is surest out of pictures, at most `most` of each picture."""
     parts = []
     for one in pictures:
         shrunk = Shrunk(one.frame)
@@ -151,7 +151,7 @@ def mistaken_crops(pictures: Sequence[Picture], network: BallNetwork, most: int)
 
 
 def apart(places: FloatArray, balls: FloatArray) -> BoolArray:
-    """Return which places u, v, radius lie so far from all balls that they show none."""
+    """Return (N,) which places u, v, radius (pixels) are so far from all balls that they do not show one."""
     off = np.hypot(places[:, None, 0] - balls[None, :, 0], places[:, None, 1] - balls[None, :, 1])
     near: BoolArray = off < _APART_RADII * np.maximum(places[:, None, 2], balls[None, :, 2])
     is_apart: BoolArray = np.logical_not(near.any(axis=1))
@@ -159,7 +159,7 @@ def apart(places: FloatArray, balls: FloatArray) -> BoolArray:
 
 
 def cut(shrunk: Shrunk, balls: FloatArray, unsure: FloatArray, others: FloatArray) -> Crops:
-    """Cut balls u, v, radius out of a picture, and those of other places that lie apart from all balls."""
+    """Cut balls (u, v, radius) out of a picture, and those of the other places that are apart from all balls."""
     others = others[apart(others, np.concatenate([balls, unsure]))]
     every = np.concatenate([balls, others])
     images = np.empty((len(every), BANK_PX, BANK_PX, 3), dtype=np.uint8)

@@ -1,7 +1,7 @@
-"""Pictures of balls of many looks among what they are mistaken for, drawn at the size that the classifier looks at.
+"""Synthetic training pictures of many kinds of balls among objects that look similar, at the classifier's scale.
 
-A scene is carpet with paint, robots, feet and clutter, seen by a camera somewhere above the floor; a ball in it has
-about `CROP_RADIUS_PX`. What has another size, or another shape, is no ball there: a ball that flies among it.
+A scene is carpet with paint, robots, feet and clutter, seen by a camera somewhere above the floor. A ball has a radius
+of about `CROP_RADIUS_PX`. Round objects much smaller or larger than that are negative examples.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.perception.balls.network import CROP_RADIUS_PX
 
 SCENE_PX = (166, 238)
-# scenes are drawn so many times larger, so that edges are as smooth as a lens makes them
+# scenes are drawn at this multiple of their size and reduced, so that edges are as smooth as behind a lens
 _FINE = 2
-# radii about the one that is looked at, and those of things that are no balls, as ratios
+# radii of balls, and of too small and too large ones, which are negative examples; as multiples of `CROP_RADIUS_PX`
 _SIZES, _TOO_SMALL, _TOO_LARGE = (0.72, 1.4), (0.25, 0.5), (2.0, 3.5)
 
 Floats = npt.NDArray[np.float32]
@@ -29,14 +29,14 @@ class Scene(NamedTuple):
 
     #: (H, W, 3) uint8: BGR.
     image: UInt8Array
-    #: (N, 3) float64: centre u, v and radius of each, pixels; hidden by half at most.
+    #: (N, 3) float64: centre u, v and radius, pixels, of the balls of which more than 60 % is visible.
     balls: FloatArray
-    #: (N, 3) float64: the same of balls that are hidden by more: neither balls nor anything else.
+    #: (N, 3) float64: the same of balls that are hidden more: neither positive nor negative examples.
     unsure: FloatArray
 
 
 def draw_scene(rng: np.random.Generator) -> Scene:
-    """Draw a scene of random light, carpet, things and balls."""
+    """Draw a scene with random light, carpet, objects and balls."""
     height, width = (_FINE * side for side in SCENE_PX)
     radius = _FINE * CROP_RADIUS_PX
     squash = float(rng.uniform(0.12, 0.8))
@@ -48,7 +48,7 @@ def draw_scene(rng: np.random.Generator) -> Scene:
     if edge:
         _draw_background(rng, canvas, edge, radius)
     nearest = max(edge, 0.1 * height)
-    # far ones are seen before what lies behind the carpet
+    # far objects, which are seen in front of the background
     at_edge = [edge + radius * float(rng.uniform(0.1, 2.5)) for _ in range(rng.integers(1, 4) if edge else 0)]
     things = sorted([*rng.uniform(nearest, height * 1.1, rng.integers(3, 11)), *at_edge])
     balls: list[tuple[float, float, float]] = []
@@ -69,7 +69,7 @@ def draw_scene(rng: np.random.Generator) -> Scene:
             _draw_other(rng, canvas, (u, float(v)), radius, carpet)
             covered[(before != canvas).any(axis=2)] = 0
             if rng.random() < 0.35:
-                # robots and people stand at balls
+                # robots and people often stand at a ball
                 r = radius * float(np.exp(rng.uniform(*np.log(_SIZES))))
                 add_ball(u + radius * float(rng.uniform(-3, 3)), v - 0.7 * r, r)
     if rng.random() < 0.15:
@@ -85,7 +85,7 @@ def draw_scene(rng: np.random.Generator) -> Scene:
 
 
 def _draw_rim(rng: np.random.Generator, canvas: UInt8Array, covered: UInt8Array) -> None:
-    """Blacken what lies beyond the circle that a wide lens shows, or behind the robot's own parts."""
+    """Blacken the picture outside a large circle: the rim of a wide lens's image, or a part of the robot itself."""
     height, width = canvas.shape[:2]
     large = rng.uniform(1.5, 6) * width
     turn = rng.uniform(0, 2 * np.pi)
@@ -97,7 +97,7 @@ def _draw_rim(rng: np.random.Generator, canvas: UInt8Array, covered: UInt8Array)
 
 
 def _carpet_color(rng: np.random.Generator) -> Floats:
-    """BGR, 0 to 255, of a green carpet in some light."""
+    """Return the BGR, 0 to 255, of a green carpet under random light."""
     return _of_hsv(rng.uniform(38, 85), rng.uniform(70, 230), rng.uniform(45, 200))
 
 
@@ -113,22 +113,22 @@ def _any_color(rng: np.random.Generator) -> Floats:
 
 
 def _ball_color(rng: np.random.Generator) -> Floats:
-    """BGR of a ball's cover: yellow, orange and white are the usual ones, any other occurs."""
+    """Return the BGR of a ball's cover: mostly white, yellow or orange, sometimes any other colour."""
     kind = rng.random()
     if kind < 0.3:
         return np.full(3, rng.uniform(170, 255), np.float32) * rng.uniform(0.9, 1.0, 3).astype(np.float32)
     if kind < 0.75:
         return _of_hsv(rng.uniform(3, 33), rng.uniform(90, 255), rng.uniform(140, 255))
-    # no ball is as dark as robots and shoes are
+    # not as dark as robots and shoes
     return _of_hsv(rng.uniform(0, 180), rng.uniform(60, 255), rng.uniform(130, 255))
 
 
-def _textured(rng: np.random.Generator, shape: tuple[int, int], color: Floats, most: float) -> UInt8Array:
-    """Fill a picture with a colour under uneven light."""
+def _textured(rng: np.random.Generator, shape: tuple[int, int], color: Floats, max_std: float) -> UInt8Array:
+    """Return a picture of one colour under uneven light; `max_std` bounds the standard deviation of log brightness."""
     height, width = (max(side // 4, 2) for side in shape)
     light = np.zeros((height, width), dtype=np.float32)
     for cells in (3, 9, 40):
-        rough = rng.normal(0.0, rng.uniform(0.0, most), (cells, cells)).astype(np.float32)
+        rough = rng.normal(0.0, rng.uniform(0.0, max_std), (cells, cells)).astype(np.float32)
         light += cv2.resize(rough, (width, height), interpolation=cv2.INTER_LINEAR)
     light += np.linspace(rng.uniform(-0.25, 0.25), rng.uniform(-0.25, 0.25), height, dtype=np.float32)[:, None]
     coarse = np.clip(np.exp(light)[..., None] * color, 0, 255).astype(np.uint8)
@@ -166,11 +166,11 @@ def _draw_paint(rng: np.random.Generator, canvas: UInt8Array, radius: float, squ
 
 
 def _draw_background(rng: np.random.Generator, canvas: UInt8Array, edge: int, radius: float) -> None:
-    """Draw what lies behind the carpet: boards, walls, people, clutter of any size."""
+    """Draw the background above row `edge`: boards, walls, and clutter of any size."""
     width = canvas.shape[1]
     canvas[:edge] = _textured(rng, (edge, width), _any_color(rng), 0.3)
     if rng.random() < 0.5:
-        # a board or a wall of one colour right behind, with a dark foot or none
+        # a board or wall of one colour at the carpet's end, half of them with a dark foot
         tall = min(int(radius * np.exp(rng.uniform(np.log(1.5), np.log(12)))), edge)
         level = rng.choice([rng.uniform(130, 250), rng.uniform(10, 80)])
         color = np.full(3, level, np.float32) * rng.uniform(0.85, 1.1, 3).astype(np.float32)
@@ -193,7 +193,7 @@ def _draw_background(rng: np.random.Generator, canvas: UInt8Array, edge: int, ra
 def _draw_other(
     rng: np.random.Generator, canvas: UInt8Array, foot: tuple[float, float], radius: float, carpet: Floats
 ) -> None:
-    """Draw something that is no ball, with its foot there: a robot, a leg, a shoe, a box, a ball of another size."""
+    """Draw a negative example with its foot at a pixel: a robot, a leg, a shoe, a box, a ball of another size."""
     u, v = foot
     kind = rng.random()
     color = _tuple(_any_color(rng))
@@ -281,7 +281,7 @@ def _draw_ball(
     du = np.broadcast_to((np.arange(left, right) - center[0]) / radius, (low - top, right - left))
     dv = np.broadcast_to(((np.arange(top, low) - center[1]) / radius)[:, None], du.shape)
     if rng.random() < 0.25:
-        # the rim of a wide lens stretches what it shows
+        # a wide lens stretches objects near its rim
         turn, stretch = rng.uniform(0, np.pi), np.sqrt(rng.uniform(1.0, 1.4))
         c, s = np.cos(turn), np.sin(turn)
         long, short = (c * du + s * dv) / stretch, (c * dv - s * du) * stretch
@@ -306,7 +306,10 @@ def _draw_ball(
 
 
 def _covered(rng: np.random.Generator, normal: FloatArray) -> FloatArray:
-    """Colours of a ball's cover: plain, patches as on a football, panels or stripes; turned at random."""
+    """Return the colours (..., 3) of a ball's surface at unit normals (..., 3).
+
+    The cover is plain, or has patches as a football, panels or stripes, turned at random.
+    """
     base, other = _ball_color(rng), _any_color(rng)
     kind = rng.random()
     if kind < 0.35:
@@ -330,10 +333,10 @@ def _covered(rng: np.random.Generator, normal: FloatArray) -> FloatArray:
 
 
 def _taken(rng: np.random.Generator, image: UInt8Array) -> UInt8Array:
-    """Return a picture as a camera takes it: blur, light, cast, noise and compression."""
+    """Return a picture as a camera takes it: with blur, brightness, colour cast, noise and JPEG compression."""
     pixels: Floats = image.astype(np.float32)
     if rng.random() < 0.3:
-        # far things have fewer pixels than are looked at
+        # a far ball's crop is enlarged from fewer pixels
         coarse = cv2.resize(pixels, None, fx=(few := rng.uniform(0.5, 0.9)), fy=few, interpolation=cv2.INTER_AREA)
         pixels = np.asarray(cv2.resize(coarse, pixels.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
     if rng.random() < 0.7:

@@ -1,4 +1,4 @@
-"""Training of the ball classifier by renderings and photographs (extra `train`)."""
+"""Trains the ball classifier with renderings and photographs (extra `train`)."""
 
 from __future__ import annotations
 
@@ -40,25 +40,26 @@ from sim2d.training.chains import blurred, chain, learn, normal, relit, uniform,
 # channels, kernels and strides of the convolutions; a 1 x 1 to the three answers follows
 FIRST_LAYERS = ((8, 3, 2), (16, 3, 2), (24, 3, 1))
 SECOND_LAYERS = ((12, 3, 2), (16, 3, 1), (24, 3, 2), (32, 3, 1), (24, 4, 1))
-# what the first network sees, pixels of its strips
+# side of the first network's input, pixels of its strips
 _STRIP_PX = 15
+# crops per batch, ratio of balls among them, weight of the error of the ball's centre in the loss
 _BATCH, _BALLS, _OFFSET_WEIGHT = 160, 0.3, 0.05
-# balls are shifted by so many radii, others by less; all are scaled, as logarithms
+# augmentation: greatest shift of balls and of other crops, in radii, and greatest logarithm of the scale
 _SHIFT_RADII, _OTHER_SHIFT_RADII, _SCALE_SPREAD = 0.63, 0.3, 0.28
-# so many crops are covered in part
-_COVERED = 0.25
-# crops of what is no ball from a scene and from a picture; of what is mistaken for one
+# ratio of crops that are partly covered
+_COVERED_RATIO = 0.25
+# numbers of negative crops per scene and per picture, and of false positives per picture
 _OTHERS, _PICTURE_OTHERS, _MISTAKEN = 12, 150, 60
 # fractions of scenes, whole fields and photographs in a batch
 _FRACTIONS = (0.33, 0.17, 0.5)
-# how much of the training is done when what is mistaken is looked for
+# fractions of the training after which false positives are searched and added (hard negative mining)
 _MINE_AT = (0.35, 0.65)
-# so many balls may the first network miss: its answer 0 is there
-_MISSED = 0.02
+# ratio of balls that the first network may miss; its bias is shifted so that its threshold 0 has this ratio
+_MISSED_RATIO = 0.02
 
 
 class Material(NamedTuple):
-    """What is learnt from."""
+    """The training material."""
 
     scenes: list[Scene]
     fields: list[Picture]
@@ -66,7 +67,7 @@ class Material(NamedTuple):
 
 
 def material(rng: np.random.Generator, scenes: int, fields: int, photographs: Sequence[Dataset]) -> Material:
-    """Draw scenes and whole fields, and read photographs."""
+    """Draw scenes and pictures of whole fields, and read photographs."""
     return Material(
         [draw_scene(rng) for _ in range(scenes)],
         rendered_pictures(rng, fields),
@@ -80,9 +81,9 @@ def train(folder: str | Path, known: Material, *, seed: int, steps: int, tell: C
     Parameters
     ----------
     steps : int
-        How many batches are learnt from.
+        Number of batches.
     tell : callable
-        Gets a line now and then.
+        Called with a line of progress from time to time.
     """
     rng = np.random.default_rng(seed)
     torch.manual_seed(seed)
@@ -99,7 +100,7 @@ def train(folder: str | Path, known: Material, *, seed: int, steps: int, tell: C
         if step in mine_at:
             banks[0].add(_mistaken_in_scenes(known.scenes, first))
             for bank, pictures in zip(banks[1:], (known.fields, known.photographs), strict=False):
-                bank.add(mistaken_crops(pictures, _as_run(first, second), _MISTAKEN))
+                bank.add(mistaken_crops(pictures, _ball_network(first, second), _MISTAKEN))
         chosen = [bank.choose(rng, count) for bank, count in zip(banks, counts, strict=True)]
         images = torch.cat([bank.images[one] for bank, one in zip(banks, chosen, strict=True)])
         is_ball = torch.cat([bank.is_ball[one] for bank, one in zip(banks, chosen, strict=True)])
@@ -116,7 +117,7 @@ def train(folder: str | Path, known: Material, *, seed: int, steps: int, tell: C
 
 
 class _Bank:
-    """Crops of one source; what is learnt badly is chosen more often."""
+    """Crops of one source; half of each choice is from the crops with the greatest losses."""
 
     def __init__(self, crops: Crops) -> None:
         self.images, self.is_ball = torch.from_numpy(crops.images), torch.from_numpy(crops.is_ball)
@@ -141,7 +142,7 @@ class _Bank:
 def _loss(
     first: torch.Tensor, second: torch.Tensor, is_ball: torch.Tensor, off: torch.Tensor
 ) -> tuple[torch.Tensor, torch.Tensor]:
-    """Cross entropy of both networks, and how far the centres of balls are off; and the entropy of each crop."""
+    """Return the loss (cross entropy of both networks, error of the balls' centres), and each crop's cross entropy."""
     target = is_ball.float()
     ratio = STRIP_RADIUS_PX / CROP_RADIUS_PX
     each = torch.zeros(len(is_ball))
@@ -155,13 +156,13 @@ def _loss(
 
 
 def _varied(images: torch.Tensor, is_ball: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-    """Shift, scale and mirror crops, change their light and sharpness; and return the way to the balls' centres."""
+    """Augment crops: shift, scale, mirror, cover, blur and relight them; return them and the offsets of the balls."""
     count = len(images)
     pixels = images.permute(0, 3, 1, 2).float()
     scale = torch.exp(uniform(count, -_SCALE_SPREAD, _SCALE_SPREAD))
     flip = torch.where(torch.rand(count) < 0.5, -1.0, 1.0)
     reach = torch.where(is_ball, _SHIFT_RADII, _OTHER_SHIFT_RADII) * CROP_RADIUS_PX
-    # a place in the middle square of the side twice the shift
+    # uniform in a square whose side is twice the greatest shift
     shift = (2 * torch.rand(count, 2) - 1) * reach[:, None]
     step = 2.0 / BANK_PX
     turned = torch.zeros(count, 2, 3)
@@ -176,19 +177,19 @@ def _varied(images: torch.Tensor, is_ball: torch.Tensor) -> tuple[torch.Tensor, 
 
 
 def _covered(pixels: torch.Tensor) -> torch.Tensor:
-    """Cover some on one side of a straight edge, as robots and the rim of a lens do."""
+    """Cover some crops on one side of a straight edge, as robots and the rim of a lens do."""
     count, _, side, _ = pixels.shape
     at = torch.arange(side) - (side - 1) / 2
     turn = uniform(count, 0.0, 2 * np.pi)[:, None, None]
     across = at[None, :, None] * torch.sin(turn) + at[None, None, :] * torch.cos(turn)
     free = uniform(count, -0.2, 2.5)[:, None, None] * CROP_RADIUS_PX
-    is_covered = (across > free) & (torch.rand(count) < _COVERED)[:, None, None]
+    is_covered = (across > free) & (torch.rand(count) < _COVERED_RATIO)[:, None, None]
     shade = uniform(count, 0.0, 45.0)[:, None, None, None] + 6.0 * torch.randn(count, 3, 1, 1)
     return torch.where(is_covered[:, None], shade.clamp(min=0.0), pixels)
 
 
 def _strips(seen: torch.Tensor) -> torch.Tensor:
-    """Return the middle of crops, as the first network sees it."""
+    """Return the middle of crops at the scale of the first network's input."""
     side = round(CROP_PX * STRIP_RADIUS_PX / CROP_RADIUS_PX)
     small = functional.interpolate(seen, size=(side, side), mode="bilinear", antialias=True, align_corners=False)
     rim = (side - _STRIP_PX) // 2
@@ -196,7 +197,7 @@ def _strips(seen: torch.Tensor) -> torch.Tensor:
 
 
 def _mistaken_in_scenes(scenes: Sequence[Scene], first: torch.nn.Sequential) -> Crops:
-    """Cut out of each scene what the first network is surest of, and what is no ball."""
+    """Cut out the false positives of each scene in which the first network is most confident."""
     parts = []
     scale = CROP_RADIUS_PX / STRIP_RADIUS_PX
     for scene in scenes:
@@ -215,7 +216,7 @@ def _mistaken_in_scenes(scenes: Sequence[Scene], first: torch.nn.Sequential) -> 
 
 
 def _missed_nats(first: torch.nn.Sequential, banks: Sequence[_Bank]) -> float:
-    """Return the answer that the first network falls short of for `_MISSED` of the balls of the last source."""
+    """Return the quantile `_MISSED_RATIO` of the first network's answers for balls of the last source."""
     last = banks[-1]
     balls = last.images[last.is_ball]
     answers = []
@@ -223,10 +224,10 @@ def _missed_nats(first: torch.nn.Sequential, banks: Sequence[_Bank]) -> float:
         for _ in range(max(2000 // len(balls), 1)):
             seen, _ = _varied(balls, torch.ones(len(balls), dtype=torch.bool))
             answers.append(first(_strips(seen))[:, 0].flatten())
-    return float(torch.cat(answers).quantile(_MISSED))
+    return float(torch.cat(answers).quantile(_MISSED_RATIO))
 
 
-def _as_run(first: torch.nn.Sequential, second: torch.nn.Sequential) -> BallNetwork:
+def _ball_network(first: torch.nn.Sequential, second: torch.nn.Sequential) -> BallNetwork:
     with tempfile.TemporaryDirectory() as folder:
         _write(Path(folder), first, second)
         return BallNetwork(*((Path(folder) / name).read_bytes() for name in ("places.onnx", "ball.onnx")))

@@ -1,4 +1,4 @@
-"""Chains of convolutions: made, trained by pictures in any light, and written as ONNX files."""
+"""Makes chains of convolutions, trains them on pictures under varied light, and writes them as ONNX files."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from torch.nn import functional
 
 from sim2d.training.onnx_file import Convolution, write_onnx
 
-# what pictures are shifted and scaled by before the first convolution takes that over
+# normalisation of pictures in training; in files it is part of the first convolution
 _INPUT_MEAN, _INPUT_STD = 110.0, 60.0
 _RATE, _DECAY = 3e-3, 1e-3
 _TELL_EACH = 250
 
 
 def normal(pixels: torch.Tensor) -> torch.Tensor:
-    """Return pictures, 0 to 255, as a chain takes them while it is trained."""
+    """Normalise pictures, 0 to 255, for a chain in training."""
     return (pixels - _INPUT_MEAN) / _INPUT_STD
 
 
 def chain(layers: Sequence[tuple[int, int | tuple[int, int], int]], answers: int) -> torch.nn.Sequential:
-    """Make a chain of convolutions, given as channels, kernel and stride of each; a 1 x 1 to the answers follows."""
+    """Make a chain of convolutions from the channels, kernel and stride of each, with a final 1 x 1 to the outputs."""
     parts: list[torch.nn.Module] = []
     before = 3
     for channels, kernel, stride in layers:
@@ -39,16 +39,16 @@ def learn(
     steps: int,
     tell: Callable[[str], None],
 ) -> None:
-    """Change parameters so that a loss becomes small.
+    """Optimise parameters to minimise a loss.
 
     Parameters
     ----------
     loss_of : callable
-        Gets a step's number and returns the loss of one batch.
+        Takes the number of a step and returns the loss of one batch.
     steps : int
-        How many batches are learnt from.
+        Number of steps, each with one batch.
     tell : callable
-        Gets a line now and then.
+        Called periodically with a line of progress.
     """
     optimizer = torch.optim.AdamW(parameters, lr=_RATE, weight_decay=_DECAY)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, _RATE, total_steps=steps, pct_start=0.1)
@@ -65,7 +65,7 @@ def learn(
 
 
 def write_chain(path: Path, network: torch.nn.Sequential) -> None:
-    """Write a chain as an ONNX file that takes pictures as they are, 0 to 255."""
+    """Write a chain as an ONNX file for pictures without normalisation, 0 to 255."""
     layers: list[Convolution] = []
     for part in network:
         if isinstance(part, torch.nn.Conv2d):
@@ -78,15 +78,15 @@ def write_chain(path: Path, network: torch.nn.Sequential) -> None:
 
 
 def uniform(count: int, low: float, high: float) -> torch.Tensor:
-    """Draw numbers (count,) between two bounds."""
+    """Draw uniform random numbers (count,) between two bounds."""
     return low + (high - low) * torch.rand(count)
 
 
 def relit(pixels: torch.Tensor) -> torch.Tensor:
-    """Turn hues of pictures (N, 3, H, W) by 14 degrees at most; change saturation, cast, brightness and noise."""
+    """Randomly shift the hues of pictures (N, 3, H, W) by up to 14 degrees; vary saturation, cast, light and noise."""
     count = len(pixels)
     hue, saturation = uniform(count, -0.245, 0.245), uniform(count, 0.65, 1.25)
-    # a turn about the grey axis, shrunk across it
+    # rotation about the grey axis, scaled across it
     axis = torch.full((3, 3), 1.0 / 3.0)
     cross = torch.tensor([[0.0, -1.0, 1.0], [1.0, 0.0, -1.0], [-1.0, 1.0, 0.0]]) / 3**0.5
     c, s = (saturation * torch.cos(hue))[:, None, None], (saturation * torch.sin(hue))[:, None, None]
@@ -100,7 +100,7 @@ def relit(pixels: torch.Tensor) -> torch.Tensor:
 
 
 def blurred(pixels: torch.Tensor) -> torch.Tensor:
-    """Blur some of pictures (N, 3, H, W) by a lens or by motion."""
+    """Blur a random part of the pictures (N, 3, H, W) as by a lens or by motion."""
     count = len(pixels)
     kernels = torch.zeros(count, 5, 5)
     kernels[:, 2, 2] = 1.0

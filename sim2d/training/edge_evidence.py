@@ -1,8 +1,8 @@
 """Fits the weights of `robocup_vision.localization.model_edges.weights` to rendered pictures and ones without a field.
 
-A picture is fitted near right and wrong priors, and searched without a prior. Each of these is one choice: which of the
-poses found is right, or none. A conditional logit gives all of them the same weights, but for a constant each and for
-one factor by which they count more between the poses of a search.
+In each picture, poses are fitted near right and wrong priors, and searched without a prior. Each fit or search is one
+choice: one of the poses found is right, or none. A conditional logit model is fitted to all choices, with the same
+weights with and without a prior, except for a constant each and for one factor by which the weights count in a search.
 """
 
 from __future__ import annotations
@@ -43,27 +43,28 @@ SETUPS = (
     ("ssl_division_b", "ssl_forward", 320),
 )
 MAX_ROBOTS, ROBOT_HEIGHT_RATIO, MAX_BOXES = 8, (0.6, 1.2), 3
-# of tilt and roll where a camera has none
+# standard deviations of tilt and roll, and of the height, where the camera file has none
 SWAY_STD_RAD, HEIGHT_STD_M = math.radians(1.2), 0.004
-# standard deviations of right priors, and how many of each there are for a picture
+# standard deviations (x, y, theta) of narrow and wide right priors, and the number of each per picture
 NEAR_STD, WIDE_STD = (0.05, 0.05, math.radians(2.0)), (0.3, 0.3, math.radians(10.0))
 NEARS, WIDES = 2, 1
-# wrong priors near a picture's pose, how far off they are, and priors anywhere
+# number of wrong priors beside the true pose, range of their distance and std of their turn; number of priors anywhere
 ASIDES, ASIDE_M, ASIDE_RAD, ANYWHERE = 4, (0.4, 1.5), math.radians(5.0), 2
+# a fit with smaller errors is right
 RIGHT_M, RIGHT_RAD = 0.1, math.radians(5.0)
-# errors between a right fit's and a wrong one's are neither
+# a fit whose errors are between those and this multiple of them is neither right nor wrong
 WRONG_RATIO = 2.0
-# of the fit's weights: without it separable samples would have infinite ones
+# ridge of the weights: without it, separable samples would give infinite weights
 RIDGE = 1e-3
 _STEPS, _MAX_STEP, _CONVERGED = 100, 1.0, 1e-6
-# of wrong fits, those that have more than `sure_log_odds`
+# fraction of wrong fits whose log-odds exceed `sure_log_odds`
 _SURE_RATE = 1e-3
 
 
 class Choice(NamedTuple):
     """Poses found for one prior, or by one search, of which one or none is right."""
 
-    #: (N, 10) float64: constants near a prior and anywhere, then the terms of `WEIGHTS`.
+    #: (N, 10) float64: indicators of a fit near a prior and of a search, then the terms of `WEIGHTS`.
     terms: FloatArray
     is_right: BoolArray  #: (N,) bool
 
@@ -74,7 +75,7 @@ def setups() -> Iterator[tuple[Field, PinholeCamera]]:
         made = CAMERAS[camera_name]()
         camera = made.cameras[0] if isinstance(made, Rig) else made
         assert isinstance(camera, PinholeCamera)
-        # at the robot's centre, with pictures of this width
+        # the camera is put at the robot's centre, with pictures of this width
         yield (
             load_field(field_name),
             dataclasses.replace(
@@ -89,7 +90,7 @@ def setups() -> Iterator[tuple[Field, PinholeCamera]]:
 
 
 def picture_count(count: int) -> int:
-    """Return how many pictures `count` of each setup come to, as many without a field included."""
+    """Return the total number of pictures: `count` of each setup, and as many without a field."""
     return 2 * count * len(SETUPS)
 
 
@@ -100,7 +101,7 @@ def set_names() -> list[str]:
 
 
 def draw_choices(seed: int, count: int) -> Iterator[list[Choice]]:
-    """Yield all choices so far after each picture: always the same, growing list."""
+    """Yield all choices so far after each picture; it is always the same, growing list."""
     choices: list[Choice] = []
     for index, (field, camera) in enumerate(setups()):
         looker = _Looker(field, camera, choices)
@@ -118,7 +119,7 @@ def draw_choices(seed: int, count: int) -> Iterator[list[Choice]]:
 def _picture(
     field: Field, camera: PinholeCamera, seed: list[int], index: int, rng: np.random.Generator
 ) -> tuple[UInt8Array, Pose2]:
-    """Render a picture in one of the conditions in turn, by a camera that sways; with the true pose."""
+    """Render a picture under the conditions in turn, by a swaying camera; return it with the true pose."""
     condition = list(CONDITIONS.values())[index % len(CONDITIONS)]
     swaying = dataclasses.replace(
         condition,
@@ -134,7 +135,7 @@ def _picture(
 
 
 class _Looker:
-    """Fits poses to pictures of one camera, and adds what they show."""
+    """Fits poses to pictures of one camera, and adds them to the choices."""
 
     def __init__(self, field: Field, camera: PinholeCamera, choices: list[Choice]) -> None:
         self._field, self._choices = field, choices
@@ -171,7 +172,7 @@ class _Looker:
             return
         is_right = False
         if truth is not None:
-            # what a picture leaves open is as the prior has it
+            # along directions that the picture does not determine, the fit keeps the prior's error
             open_m = 3.0 * min(evidence.position_std_m, std[0]) if is_near else 0.0
             away_m, turn_rad = follower.pose.error_to(truth)
             is_right = away_m < max(RIGHT_M, open_m) and turn_rad < max(RIGHT_RAD, 3.0 * std[2] if open_m else 0.0)
@@ -192,7 +193,7 @@ class _Looker:
 
 
 def _terms(found: list[Evidence], near: bool) -> FloatArray:
-    """Return what is weighed of each fit, (N, 10)."""
+    """Return the terms of each fit, (N, 10), see `Choice`."""
     units = np.eye(1 + len(WEIGHTS))
     terms = [[log_odds(np.array(one), unit) for unit in units[1:]] for one in found]
     rows = np.column_stack([np.full(len(found), near), np.full(len(found), not near), np.array(terms)])
@@ -207,21 +208,21 @@ def fit_choices(choices: list[Choice], cost: float) -> EdgeWeights:
     Parameters
     ----------
     choices : list of Choice
-        Of pictures.
+        The choices of all pictures.
     cost : float
-        Of a wrong pose near a prior that is taken, in right ones that are refused.
+        Cost of accepting a wrong pose near a prior, relative to that of refusing a right one.
 
     Raises
     ------
     ArgumentError
-        If no pose is right or none is wrong, near a prior or anywhere.
+        If no pose is right or none is wrong, near a prior or in a search.
     """
     near = np.array([choice.terms[0, 0] > 0.0 for choice in choices], dtype=bool)
     right = np.array([choice.is_right.any() for choice in choices], dtype=bool)
     counts = [np.count_nonzero(near & right), np.count_nonzero(near & ~right), *np.bincount(right[~near], minlength=2)]
     if not all(counts):
         raise ArgumentError("too few pictures: no right pose or no wrong one, near a prior or anywhere")
-    # near a prior half of the choices are right, and the wrong ones cost more
+    # reweight the choices near a prior so that half of them are right, and the wrong ones have the higher cost
     number = np.count_nonzero(near)
     cost_of = np.where(near, np.where(right, 0.5 * number / counts[0], 0.5 * cost * number / counts[1]), 1.0)
     weights, within_picture = _conditional_logit(choices, cost_of)
@@ -231,14 +232,14 @@ def fit_choices(choices: list[Choice], cost: float) -> EdgeWeights:
 
 
 def _conditional_logit(choices: list[Choice], cost: FloatArray) -> tuple[FloatArray, float]:
-    """Return the weights that make the right outcomes most probable, and what multiplies them without a prior.
+    """Return the weights of maximum likelihood, and the factor that multiplies them without a prior.
 
     The log-likelihood is maximised by Gauss-Newton steps.
     """
     size = choices[0].terms.shape[1]
-    # the weights, and the logarithm of what multiplies them
+    # the weights, and the logarithm of the factor
     unknowns, ridge = np.zeros(size + 1), RIDGE * np.eye(size + 1)
-    groups = list(_alike(choices, cost))
+    groups = list(_groups(choices, cost))
     for _ in range(_STEPS):
         gradient, hessian = ridge @ unknowns, ridge.copy()
         weights, factor = unknowns[:-1], math.exp(unknowns[-1])
@@ -247,7 +248,7 @@ def _conditional_logit(choices: list[Choice], cost: FloatArray) -> tuple[FloatAr
             if terms[0, 0, 1]:
                 slopes[..., 2:-1] *= factor
                 slopes[..., -1] = slopes[..., 2:-1] @ weights[2:]
-            # the last outcome is that none is right
+            # the last outcome means that no pose is right
             log_p = np.pad(slopes[..., :-1] @ weights, ((0, 0), (0, 1)))
             p = np.exp(log_p - log_p.max(axis=1, keepdims=True))
             p /= p.sum(axis=1, keepdims=True)
@@ -258,7 +259,7 @@ def _conditional_logit(choices: list[Choice], cost: FloatArray) -> tuple[FloatAr
             flat = slopes.reshape(-1, size + 1)
             hessian += (flat.T * (each[:, None] * p).ravel()) @ flat - (mean.T * each) @ mean
         step = np.linalg.solve(hessian, gradient)
-        # far from the optimum of few choices the likelihood is no parabola
+        # far from the optimum the log-likelihood is not quadratic
         step *= min(1.0, _MAX_STEP / np.abs(step).max(initial=_MAX_STEP))
         unknowns -= step
         if np.abs(step).max() < _CONVERGED:
@@ -266,8 +267,8 @@ def _conditional_logit(choices: list[Choice], cost: FloatArray) -> tuple[FloatAr
     return unknowns[:-1], math.exp(unknowns[-1])
 
 
-def _alike(choices: list[Choice], cost: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Yield terms (N, K, 10), which outcomes are right (N, K + 1) and costs (N,) of choices of one kind and size."""
+def _groups(choices: list[Choice], cost: FloatArray) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Group choices of one kind and size: terms (N, K, 10), right outcomes (N, K + 1) and costs (N,)."""
     kinds = [(choice.terms[0, 0], len(choice.terms)) for choice in choices]
     for kind in sorted(set(kinds)):
         same = [index for index, other in enumerate(kinds) if other == kind]

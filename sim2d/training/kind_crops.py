@@ -1,4 +1,4 @@
-"""Upright pictures that the kind classifier learns from: robots, people and other places of photographs."""
+"""Upright pictures for training the kind classifier: robots, people and other places in photographs."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from robocup_vision.view import View
 from robocup_vision.vision import Vision
 
 OTHER = len(KINDS)
-# so much more than the network sees is cut on each side: for what is shifted and scaled
+# margin around the network's input on each side, for shifts and scaling
 RIM_PX = 8
 _FARTHEST_M = 8.0
-# boxes are drawn a little beyond what they hold
+# boxes are drawn a little larger than the thing in them
 _BOX_RIM_PX = 2.0
-# a place so far aside from all feet, or nearer or farther by such a ratio, shows neither robot nor person on it
+# a place is apart from a foot if it is at least this far aside, or its range differs at least by this ratio
 _ASIDE_M, _RANGE_RATIO = 0.5, 1.25
-# places of each photograph: where floor ends, and of the floor
+# number of places of each photograph at the ends of the free floor, and on it
 _ENDS, _FLOORS = 16, 12
 
 
 class KindCrops(NamedTuple):
-    """Upright pictures, and what stands on the foot in each."""
+    """Upright pictures, and the kind of thing in each."""
 
     #: (N, 64, 52, 3) uint8: BGR.
     images: UInt8Array
@@ -42,12 +42,12 @@ class KindCrops(NamedTuple):
 
 
 def joined(parts: Sequence[KindCrops]) -> KindCrops:
-    """Return all crops as one."""
+    """Concatenate crops."""
     return KindCrops(np.concatenate([one.images for one in parts]), np.concatenate([one.kinds for one in parts]))
 
 
 def dataset_crops(rng: np.random.Generator, dataset: Dataset) -> KindCrops:
-    """Cut out of a dataset's photographs what its boxes.csv marks, and places where nothing of that stands."""
+    """Cut the things marked in boxes.csv, and other places, out of a dataset's photographs."""
     pictures = ((dataset.read_frame(index), dataset.boxes_of(index)) for index in range(len(dataset.image_names)))
     return photograph_crops(rng, Vision(dataset.field, dataset.camera, mask=dataset.mask), pictures)
 
@@ -55,7 +55,7 @@ def dataset_crops(rng: np.random.Generator, dataset: Dataset) -> KindCrops:
 def photograph_crops(
     rng: np.random.Generator, vision: Vision, pictures: Iterable[tuple[UInt8Array, Sequence[Box]]]
 ) -> KindCrops:
-    """Do the same with pictures of one forward camera of known tilt, each with its boxes."""
+    """As `dataset_crops`, for pictures of one forward camera of known tilt, each with its boxes."""
     width, height = (side + 2 * RIM_PX for side in SEEN_PX)
     parts = [KindCrops(np.empty((0, height, width, 3), dtype=np.uint8), np.empty(0, dtype=np.int64))]
     for frame, marked in pictures:
@@ -75,9 +75,9 @@ def photograph_crops(
 def _places(
     rng: np.random.Generator, camera: PinholeCamera, view: View, marked: Sequence[Box]
 ) -> tuple[FloatArray, Int64Array]:
-    """Return places (N, 2) of one picture, and the kinds (N,) of what stands there."""
+    """Return places (N, 2) in one picture, robot frame, metres, and the kinds (N,) of the things there."""
     things = [box for box in marked if box.kind in OBSTACLE_KINDS]
-    # the picture hides the feet of the others
+    # the feet of things at the lower border are not visible
     boxes = [box for box in marked if box.ymax < camera.size_px[1] - 1]
     feet = _feet_m(camera, boxes)
     kinds = np.array([_index(box.kind) for box in boxes], dtype=np.int64)
@@ -95,7 +95,7 @@ def _places(
 
 
 def _free_places(rng: np.random.Generator, free: FreeSpace) -> FloatArray:
-    """Draw places (N, 2) about where free floor ends, and on it."""
+    """Draw random places (N, 2) near the ends of the free floor, and on it; robot frame, metres."""
     known = np.flatnonzero(np.isfinite(free.range_m) & (free.range_m > 0.3))
     chosen = rng.choice(known, _ENDS + _FLOORS) if len(known) else known
     range_m = free.range_m[chosen]
@@ -106,14 +106,14 @@ def _free_places(rng: np.random.Generator, free: FreeSpace) -> FloatArray:
 
 
 def _feet_m(camera: PinholeCamera, boxes: Sequence[Box]) -> FloatArray:
-    """Return where the middles of boxes' lower edges lie on the floor (N, 2), far away where they do not."""
+    """Return the floor points (N, 2) at the middles of boxes' lower edges, robot frame; far away if there are none."""
     pixels = np.array([((box.xmin + box.xmax) / 2, box.ymax - _BOX_RIM_PX) for box in boxes]).reshape(-1, 2)
     feet = camera.pixel_to_floor(pixels)
     return np.where(np.isfinite(feet), feet, 1e6)
 
 
 def _kind_of(camera: PinholeCamera, place_m: FloatArray, boxes: Sequence[Box]) -> int | None:
-    """Return what the only box holds that a place on the floor lies in; None: it lies in none; `OTHER`: unclear."""
+    """Return the kind of the boxes that a place on the floor lies in; None: no box; `OTHER`: different kinds."""
     pixel = camera.floor_to_pixel(place_m)
     kinds = {box.kind for box in boxes if box.holds(float(pixel[0]), float(pixel[1]), _BOX_RIM_PX)}
     if not kinds:
@@ -127,14 +127,14 @@ def _index(kind: str) -> int:
 
 
 def _is_outside(camera: PinholeCamera, places_m: FloatArray, boxes: Sequence[Box]) -> BoolArray:
-    """Return which places on the floor lie in none of some boxes."""
+    """Return (N,) which places on the floor are outside of all boxes."""
     pixels = camera.floor_to_pixel(places_m)
     outside = [not any(box.holds(u, v, _BOX_RIM_PX) for box in boxes) for u, v in pixels.tolist()]
     return np.array(outside, dtype=np.bool_)
 
 
 def apart(places_m: FloatArray, feet_m: FloatArray) -> BoolArray:
-    """Return which places (N, 2) on the floor lie apart from all feet (M, 2), as a camera at the origin sees them."""
+    """Return (N,) which places (N, 2) on the floor are apart from all feet (M, 2), as seen from the origin."""
     (bearing, range_m), (its_bearing, its_range_m) = (
         (np.arctan2(at[:, 1], at[:, 0]), np.hypot(at[:, 0], at[:, 1])) for at in (places_m, feet_m)
     )

@@ -1,4 +1,4 @@
-"""Training of the kind classifier by photographs (extra `train`)."""
+"""Trains the kind classifier on photographs (extra `train`)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from robocup_vision.perception.kinds.network import FOOT_PX, SEEN_PX
 from sim2d.training.chains import blurred, chain, learn, normal, relit, uniform, write_chain
 from sim2d.training.kind_crops import OTHER, RIM_PX, KindCrops
 
-# channels, kernels and strides of the convolutions; a 1 x 1 to the answers follows
+# channels, kernels and strides of the convolutions; a 1 x 1 to the outputs follows
 LAYERS = ((10, 4, 2), (14, 3, 1), (20, 3, 2), (24, 3, 1), (20, 3, 2), (16, (3, 2), 1))
-# of a batch: so many in all, and parts that are robots, people and other places
+# size of a batch, and its fractions of robots, people and other places
 _BATCH, _PARTS = 96, (0.3, 0.3, 0.4)
 _SMOOTHING = 0.02
-# feet are off by so many pixels aside and upright; sizes by so much, as logarithms
+# largest random shifts of the feet aside and upright, pixels, and largest random scaling, as a logarithm
 _ASIDE_PX, _UPRIGHT_PX, _SCALE_SPREAD = 4.0, 2.0, 0.2
 
 
@@ -35,11 +35,11 @@ def train(
     Parameters
     ----------
     crops : KindCrops
-        What is learnt from: some of each kind.
+        Training data, with crops of every kind.
     steps : int
-        How many batches are learnt from.
+        Number of steps, each with one batch.
     tell : callable
-        Gets a line now and then.
+        Called periodically with a line of progress.
     """
     rng = np.random.default_rng(seed)
     torch.manual_seed(seed)
@@ -59,13 +59,13 @@ def train(
 
 
 def _varied(images: torch.Tensor) -> torch.Tensor:
-    """Shift, scale and mirror crops about their feet, and change their light and sharpness."""
+    """Randomly shift, scale and mirror crops about their feet, and vary their light and sharpness."""
     count, height, width = images.shape[:3]
     pixels = images.permute(0, 3, 1, 2).float()
     scale = torch.exp(uniform(count, -_SCALE_SPREAD, _SCALE_SPREAD))
     flip = torch.where(torch.rand(count) < 0.5, -1.0, 1.0)
     seen_width, seen_height = SEEN_PX
-    # from the pixels that are seen, counted from the foot, to those of the crop
+    # coordinates in the crop of the network's input pixels, which are counted from the foot
     across = torch.arange(seen_width) - (seen_width - 1) / 2
     down = torch.arange(seen_height) - (seen_height - 1.0 - FOOT_PX)
     at_u = (width - 1) / 2 + (flip * scale)[:, None] * across + uniform(count, -_ASIDE_PX, _ASIDE_PX)[:, None]

@@ -1,4 +1,4 @@
-"""Writes a chain of convolutions as an ONNX file: the few messages of its protocol buffers that such a file needs."""
+"""Writes a chain of convolutions as an ONNX file, with the few protocol buffer messages that this needs."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-# of ONNX: version of the file's form, set of operators, kinds of numbers and of attributes
+# ONNX: version of the file format, set of operators, codes of the types float (tensors) and ints (attributes)
 _IR_VERSION, _OPSET, _FLOAT, _INTS = 8, 13, 1, 7
 _VARINT, _BYTES = 0, 2
 
 
 class Convolution(NamedTuple):
-    """One convolution; between two of them negative values become 0."""
+    """One convolution; between two convolutions negative values are set to 0 (ReLU)."""
 
-    #: (C, B, K, L) float64: of C channels by B before.
+    #: (C, B, K, L) float64: kernels from B input channels to C output channels.
     weight: npt.NDArray[np.float64]
-    #: (C,) float64: of each channel.
+    #: (C,) float64: bias of each output channel.
     bias: npt.NDArray[np.float64]
-    #: Along rows and columns.
+    #: Stride along rows and columns.
     stride: int
 
 
 def write_onnx(path: str | Path, layers: Sequence[Convolution]) -> None:
-    """Write a network of one picture, (1, B, H, W) float32 of any height and width, without margins."""
+    """Write a network for one picture, (1, B, H, W) float32 of any height and width, without padding."""
     nodes, tensors = b"", b""
     name = "image"
     for number, layer in enumerate(layers):

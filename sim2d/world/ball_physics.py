@@ -1,4 +1,4 @@
-"""Moves the ball: on the carpet it slides until it rolls, and rolls until it lies still; chipped, it flies."""
+"""Moves the ball: on the carpet it slides, then rolls until it lies still; if it is chipped, it flies and bounces."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ import pymunk
 from sim2d.world.state import BallState
 
 GRAVITY_MPS2 = 9.81
-# a ball that slides rolls once it has kept so much of its speed: that of a solid sphere
+# fraction of its speed that a sliding ball has left when it begins to roll (a solid sphere)
 ROLLS_RATIO = 5 / 7
-# a slower ball lies still
+# speed below which a ball lies still
 _STILL_MPS = 1e-4
-# Below this vertical speed it no longer bounces: that is a bounce of 1 mm.
+# Vertical speed below which it no longer bounces, which is a bounce of 1 mm.
 _MIN_BOUNCE_MPS = 0.15
-# With its lower side above this it touches neither robots nor walls: the league's robots are at most 0.15 m high.
+# If its lower side is above this it passes over robots and walls: the league's robots are at most 0.15 m high.
 CLEAR_HEIGHT_M = 0.15
 
 
 @dataclass(frozen=True, slots=True)
 class BallSettings:
-    """Values of `BallBody`."""
+    """Physical properties of a `BallBody`."""
 
-    #: Mass of a golf ball.
+    #: Mass, by default of a golf ball.
     mass_kg: float = 0.046
-    #: Part of the speed that it keeps at a wall.
+    #: Elasticity in pymunk's sense.
     elasticity: float = 0.7
-    #: A ball kicked at 2 m/s rolls after about 0.2 s.
+    #: Coefficient of sliding friction on a carpet: a ball kicked at 2 m/s rolls after about 0.2 s.
     sliding_friction: float = 0.35
     #: Coefficient of rolling friction on a carpet.
     rolling_friction: float = 0.03
@@ -36,9 +36,9 @@ class BallSettings:
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """How a chipped ball flies: the league's model of a fixed loss at each bounce."""
+    """How a chipped ball flies: the league's model with a fixed loss at each bounce."""
 
-    #: Fraction of its velocity along the floor that it keeps at its first bounce and at each later one.
+    #: Fractions of its velocity along the floor that it keeps at its first bounce and at each later one.
     first_floor_ratio: float = 0.715
     later_floor_ratio: float = 1.0
     #: Fraction of its vertical speed that it keeps at a bounce.
@@ -48,9 +48,9 @@ class Flight:
 class BallBody:
     """A ball in a pymunk space.
 
-    Its roll is the velocity at which its lower side would rest on the carpet. Friction brings velocity and roll
-    together. For a solid sphere the roll changes 2.5 times as fast, so a ball kicked without roll ends at 5/7 of its
-    speed. Spin about the vertical is not modelled.
+    Its roll is the velocity at which it would roll without sliding at its present spin. Friction brings velocity and
+    roll together. For a solid sphere the roll changes 2.5 times as fast as the velocity, so a ball kicked without roll
+    ends at 5/7 of its speed. Spin about the vertical is not modelled.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class BallBody:
         return self._height_m > 0 or self._rise_mps > 0
 
     def place(self, x_m: float, y_m: float, vx_mps: float = 0.0, vy_mps: float = 0.0) -> None:
-        """Put it somewhere, rolling at a velocity."""
+        """Put it at a place on the carpet, rolling at a velocity."""
         self.body.position = (x_m, y_m)
         self.body.velocity = (vx_mps, vy_mps)
         self.body.angular_velocity = 0.0
@@ -97,7 +97,7 @@ class BallBody:
         self.throw(0.0, 0.0)
 
     def kick(self, vx_mps: float, vy_mps: float, vz_mps: float = 0.0) -> None:
-        """Give it a velocity without roll; upwards it flies."""
+        """Give it a velocity without roll; with an upward part it flies."""
         self.body.velocity = (vx_mps, vy_mps)
         self._roll = (0.0, 0.0)
         self.throw(self._height_m, vz_mps)
@@ -111,7 +111,7 @@ class BallBody:
         self._set_clear()
 
     def pull(self, ax_mps2: float, ay_mps2: float, dt_s: float) -> None:
-        """Accelerate it as a dribbler does, which also makes it roll."""
+        """Accelerate it as a dribbler does, after which it rolls without sliding."""
         vx, vy = self.body.velocity
         self.body.velocity = self._roll = (vx + ax_mps2 * dt_s, vy + ay_mps2 * dt_s)
 
@@ -129,7 +129,7 @@ class BallBody:
             self.body.velocity = (vx - gx, vy - gy)
             self._roll = (rx + 2.5 * gx, ry + 2.5 * gy)
             return
-        # velocity and roll meet within this step: momentum about the point of contact is kept
+        # sliding ends within this step; the angular momentum about the point of contact is conserved
         vx, vy = (5 * vx + 2 * rx) / 7, (5 * vy + 2 * ry) / 7
         speed = math.hypot(vx, vy)
         loss = self._settings.rolling_friction * GRAVITY_MPS2 * dt_s
@@ -141,7 +141,7 @@ class BallBody:
         self._height_m = height + rise * dt_s - GRAVITY_MPS2 * dt_s**2 / 2
         self._rise_mps = rise - GRAVITY_MPS2 * dt_s
         if self._height_m <= 0:
-            # the speed at which it meets the floor, whenever within the step that is
+            # from the speed at impact, at whatever time within the step that is
             back_mps = self.flight.up_ratio * math.sqrt(rise**2 + 2 * GRAVITY_MPS2 * height)
             part = self.flight.later_floor_ratio if self._bounces else self.flight.first_floor_ratio
             vx, vy = self.body.velocity

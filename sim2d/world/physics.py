@@ -1,7 +1,7 @@
 """Robots, ball, walls, goals and posts in one pymunk space, seen from above.
 
-Fixed steps and a fixed order of everything: the same random numbers and the same orders give the same run bit for bit,
-in any process on the same machine.
+Steps and the order of all objects are fixed, so the same random numbers and the same orders give the same run bit for
+bit, in any process on the same machine.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from sim2d.world.robot_body import Order, RobotBody
 from sim2d.world.robot_spec import BodySettings, RobotSpec
 from sim2d.world.state import BallState, Event
 
-STEPS = 10  # physics steps a control period
+STEPS = 10  # physics steps per control period
 STEP_S = CONTROL_PERIOD_S / STEPS
-WALL_THICKNESS_M = 0.05  # outwards: the inner face stands at the place in the field file
+WALL_THICKNESS_M = 0.05  # outwards: the inner face is at the place in the field file
 PANEL_HALF_THICKNESS_M = 0.005
 _FIXED, _BALL, _ROBOT = 1, 2, 3
 
 
 class Physics:
-    """What moves on a field, and what it meets there.
+    """The moving and the fixed bodies on a field.
 
     Attributes
     ----------
     robots : dict of int to RobotBody
-        In the order in which they came.
+        Robots by index, in the order in which they were added.
     ball : BallBody or None
-        None until there is one.
+        The ball; None until it is added.
     kicked : BallState or None
-        The ball as it was when it was kicked last.
+        State of the ball directly after the last kick.
     """
 
     def __init__(self, field: Field, boxes: Sequence[Box] = ()) -> None:
@@ -49,7 +49,7 @@ class Physics:
         self._ball_radius_m = field.ball_radius_m
         self._space = pymunk.Space()
         self._space.iterations = 20
-        self._space.collision_slop = 1e-4  # pymunk thinks in pixels, this is metres
+        self._space.collision_slop = 1e-4  # metres; pymunk's default is meant for pixels
         for shape in _ground(self._space.static_body, field, boxes):
             shape.elasticity, shape.friction, shape.collision_type = 0.7, 0.1, _FIXED
             self._space.add(shape)
@@ -58,21 +58,21 @@ class Physics:
             self._space.on_collision(_ROBOT, other, begin=self._note_collision)
 
     def add_ball(self, settings: BallSettings = BallSettings(), flight: Flight = Flight()) -> BallBody:
-        """Put a ball at the centre."""
+        """Add a ball at the centre."""
         self.ball = BallBody(self._space, self._ball_radius_m, _BALL, settings, flight)
         return self.ball
 
     def add(
         self, place: tuple[int, int, int], pose: Pose2, spec: RobotSpec, body: BodySettings, rng: np.random.Generator
     ) -> RobotBody:
-        """Put a robot somewhere, at rest: its index here, its side, its number there."""
+        """Add a robot at a pose, at rest; `place` is its index, its side, and its number within the side."""
         robot = RobotBody(self._space, _ROBOT, place, spec, body, STEP_S, rng)
         robot.place(pose)
         self.robots[robot.index] = robot
         return robot
 
     def step(self, orders: Iterable[Order], t_s: float) -> list[Event]:
-        """Go on by `STEP_S`; orders stand in the order of the robots. Return kicks and collisions, as of a time."""
+        """Advance by `STEP_S` with an order for each robot; return kicks and collisions, with time `t_s`."""
         self._t_s, self._events = t_s, []
         robots, ball = self.robots.values(), self.ball
         for robot, order in zip(robots, orders, strict=True):
@@ -98,7 +98,7 @@ class Physics:
 
 
 def _ground(fixed: pymunk.Body, field: Field, boxes: Sequence[Box]) -> list[pymunk.Shape]:
-    """Return everything fixed, always in the same order."""
+    """Return all fixed shapes, always in the same order."""
     shapes: list[pymunk.Shape] = []
     if field.is_bounded:
         corners = field.floor_polygon

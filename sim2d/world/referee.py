@@ -14,20 +14,20 @@ from sim2d.kick_off import center_circle_radius_m
 from sim2d.robot_link import Phase, RobotLimits
 from sim2d.world.state import BallState, Event, RobotState
 
-# A kick-off takes at least so long, so that everybody notices it.
+# Shortest duration of a kick-off, so that all players notice it.
 _MIN_KICK_OFF_S = 1.0
-# A ball that stays within this way for so long is put elsewhere: nobody can get at it.
+# A ball that stays within this distance for this time is put elsewhere, because no robot can reach it.
 _STILL_S = 10.0
 _STILL_WAY_M = 0.05
-# A robot so far beyond the floor is carried back.
+# Distance beyond the floor from which a robot is carried back.
 _ASTRAY_M = 0.5
-# A ball is not put back where it lay.
+# Least distance by which a ball that lay still is moved.
 _DROP_WAY_M = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class Ruling:
-    """One decision: the event announced, and where the ball or a robot is put (None: stays)."""
+    """One decision: the event announced, and where the ball or a robot (index, x, y) is put (None: stays)."""
 
     event: Event | None
     ball_at: tuple[float, float] | None = None
@@ -35,15 +35,15 @@ class Ruling:
 
 
 class MatchReferee(Protocol):
-    """Who judges a match: `Referee`, or another one in its place."""
+    """Judges a match: `Referee`, or a replacement."""
 
     @property
     def phase(self) -> Phase:
-        """What players are told."""
+        """The phase that players are told."""
 
     @property
     def kick_off_side(self) -> int:
-        """Whose turn it is, +1 or -1."""
+        """The side whose turn it is, +1 or -1."""
 
     @property
     def score(self) -> dict[int, int]:
@@ -51,7 +51,7 @@ class MatchReferee(Protocol):
 
     @property
     def placement_m(self) -> tuple[float, float] | None:
-        """Where the ball shall be placed; None unless it shall."""
+        """Where the ball is to be placed; None if it is not."""
 
     def judge(self, t_s: float, robots: Sequence[RobotState], ball: BallState) -> list[Ruling]:
         """Return the rulings after a control period."""
@@ -61,7 +61,7 @@ RefereeFactory = Callable[[Field, RobotLimits], MatchReferee]
 
 
 class Referee:
-    """Applies the rules to one match: kick-offs, and else a ball that is put back at once."""
+    """Applies simple rules to one match: there are kick-offs, and a ball that is out is put back at once."""
 
     def __init__(self, field: Field, limits: RobotLimits) -> None:
         self._field, self._limits = field, limits
@@ -84,7 +84,7 @@ class Referee:
             waited = t_s - self._since_s
             ready = waited >= _MIN_KICK_OFF_S and all(self._is_home(robot) for robot in robots)
             if not ready and waited < self._max_kick_off_s:
-                # the ball lies where it is held
+                # the ball is held at the centre
                 if math.hypot(ball.x_m, ball.y_m) > 1e-9:
                     rulings.append(Ruling(None, (0.0, 0.0)))
                 return rulings
@@ -109,7 +109,7 @@ class Referee:
         return rulings
 
     def goal_side(self, ball: BallState) -> int:
-        """Return the side that has scored if the whole ball is behind a goal line between the posts, else 0."""
+        """Return the side whose target goal the whole ball is in (behind the line, between the posts), else 0."""
         for goal in self._field.goals:
             beyond = goal.side * (ball.x_m - goal.line_x_m)
             if self._field.ball_radius_m < beyond <= max(goal.depth_m, 0.5) and abs(ball.y_m) < goal.width_m / 2:
@@ -133,7 +133,7 @@ class Referee:
         return abs(ball.x_m) > x + radius or abs(ball.y_m) > y + radius
 
     def _throw_in(self, ball: BallState) -> tuple[float, float]:
-        """Return a place inside the line it crossed, with room for a robot behind it; not right before a goal."""
+        """Return a place inside the crossed line, with room for a robot behind the ball, and beside the goal."""
         inset = 3 * self._limits.radius_m
         x, y = self._field.length_m / 2 - inset, self._field.width_m / 2 - inset
         by, bx = max(-y, min(y, ball.y_m)), max(-x, min(x, ball.x_m))
@@ -144,7 +144,7 @@ class Referee:
     def _neutral_place(self, ball: BallState) -> tuple[float, float]:
         x, y = self._field.length_m / 4, self._field.width_m / 4
         places = [(0.0, 0.0), *((sx * x, sy * y) for sx in (1, -1) for sy in (1, -1))]
-        # the nearest that is not where it lies
+        # the nearest place, but not where the ball lies
         away_m = [(math.hypot(ball.x_m - place[0], ball.y_m - place[1]), place) for place in places]
         return min((far for far in away_m if far[0] > _DROP_WAY_M), key=lambda far: far[0])[1]
 

@@ -16,45 +16,45 @@ from sim2d.world.robot_spec import BodySettings, RobotSpec
 from sim2d.world.state import RobotState
 
 _OUTLINE_CORNERS = 15
-# a ball that lies so far before its seat, in its radii, is still in the mouth
+# a ball up to this distance in front of its seat, in ball radii, is still in the mouth
 _MOUTH_DEPTH = 0.5
 # the dribbler pulls the ball to its seat like a damped spring, up to a largest acceleration
 _STIFFNESS_PS2, _DAMPING_PS, _GRIP_MPS2 = 900.0, 50.0, 6.0
 
 # slip is correlated over this time
 _SLIP_TIME_S = 0.1
-# a push from outside takes so long
+# duration of a push from outside
 _PUSH_S = 0.2
 
 
 class Order(NamedTuple):
-    """What a robot shall do in a physics step."""
+    """An order to a robot for one physics step."""
 
-    #: Wanted velocity: forward and left of a robot whose velocity turns along with it, else along the field's axes.
+    #: Wanted velocity: forward and left if the robot's `spec.turns_along`, otherwise along the field's axes.
     x_mps: float = 0.0
     y_mps: float = 0.0
     turn_rps: float = 0.0
     #: Speed to kick the ball with; 0: it does not kick.
     kick_mps: float = 0.0
-    #: From the carpet upwards.
+    #: Elevation of the kick above the carpet.
     kick_rise_rad: float = 0.0
     dribbles: bool = False
-    #: Wanted pan of the head; None: as it is.
+    #: Wanted pan of the head; None: unchanged.
     pan_rad: float | None = None
 
 
 class RobotBody:
     """A robot in a pymunk space.
 
-    Wheels follow the order within the limits (Sekimori et al. 2001, eq. 10) after the dead time. The body moves as
-    the wheels turn plus their slip, which odometry does not measure. Contacts turn the wheels.
+    After the dead time the wheels' velocity follows the order within the limits (Sekimori et al. 2001, eq. 10). The
+    body moves as the wheels do plus their slip, which odometry does not measure. Contacts change the wheels' velocity.
 
     Parameters
     ----------
     place : (int, int, int)
-        Its index in its world, its side and its number there.
+        The robot's index in its world, its side and its number.
     rng : numpy.random.Generator
-        Draws its odometry's systematic error here, and the errors of its kicks.
+        Draws the systematic error of the odometry at once, and the errors of kicks later.
     """
 
     def __init__(
@@ -77,31 +77,32 @@ class RobotBody:
         self._waiting: deque[Order] = deque([Order()] * round(spec.dead_time_s / step_s))
         self._order = Order()
         self._pan_rad = 0.0
-        self._wheels = (0.0, 0.0, 0.0)  # in the frame of its orders
-        self._slip = (0.0, 0.0, 0.0)
-        self._push = (0.0, 0.0, 0.0)  # field frame, turn
-        self._push_left = 0
-        self._set = (0.0, 0.0, 0.0)  # body velocity before contacts, field frame
-        self._moves = (0.0, 0.0, 0.0)  # and after them
-        self._axis = (1.0, 0.0)  # of the frame of its orders
+        # velocities are (x, y, turn), m/s and rad/s
+        self._wheels = (0.0, 0.0, 0.0)  # in the frame of the orders
+        self._slip = (0.0, 0.0, 0.0)  # in the frame of the orders
+        self._push = (0.0, 0.0, 0.0)  # field frame
+        self._push_left = 0  # steps
+        self._velocity_before = (0.0, 0.0, 0.0)  # of the body before a step's contacts, field frame
+        self._velocity_after = (0.0, 0.0, 0.0)  # of the body after a step's contacts, field frame
+        self._axis = (1.0, 0.0)  # x axis of the frame of the orders, field frame
         self._slip_in_field = (0.0, 0.0)
         self._odometry = (0.0, 0.0, 0.0)
         self._steps_to_kick = 0
 
     @property
     def pose(self) -> Pose2:
-        """Field frame."""
+        """Pose in the field frame."""
         x, y = self.body.position
         return Pose2(x, y, self.body.angle)
 
     @property
     def motion(self) -> tuple[float, float, float]:
-        """How it moves, robot frame: forward, left, turn."""
+        """Velocity, robot frame: forward and left in m/s, turn in rad/s."""
         (vx, vy), c, s = self.body.velocity, math.cos(self.body.angle), math.sin(self.body.angle)
         return c * vx + s * vy, c * vy - s * vx, self.body.angular_velocity
 
     def state(self, index: int) -> RobotState:
-        """Return its state, with its place among all robots."""
+        """Return the robot's state; `index` is its place among all robots."""
         vx, vy = self.body.velocity
         spec, turn = self.spec, self.body.angular_velocity
         return RobotState(
@@ -109,11 +110,11 @@ class RobotBody:
         )
 
     def place(self, pose: Pose2, velocity_mps: tuple[float, float] = (0.0, 0.0), turn_rps: float = 0.0) -> None:
-        """Put it somewhere, moving in the field frame; odometry does not measure that."""
+        """Put the robot at a pose with a velocity, field frame; odometry does not measure that."""
         self.body.position = (pose.x_m, pose.y_m)
         self.body.angle = pose.theta_rad
         self.body.velocity, self.body.angular_velocity = velocity_mps, turn_rps
-        self._moves = (*velocity_mps, turn_rps)
+        self._velocity_after = (*velocity_mps, turn_rps)
         if self.spec.turns_along:
             self._axis = (math.cos(pose.theta_rad), math.sin(pose.theta_rad))
         (vx, vy), (c, s) = velocity_mps, self._axis
@@ -122,16 +123,16 @@ class RobotBody:
         self._push_left = 0
 
     def remove(self) -> None:
-        """Take it off the field."""
+        """Remove the robot from the space."""
         self._space.remove(self.shape, self.body)
 
     def push(self, dx_m: float, dy_m: float, turn_rad: float) -> None:
-        """Push it by a way (field frame) and an angle, wheels slipping; odometry does not measure that."""
+        """Push the robot by a displacement (field frame) and an angle; the wheels slip, so odometry does not see it."""
         self._push = (dx_m / _PUSH_S, dy_m / _PUSH_S, turn_rad / _PUSH_S)
         self._push_left = round(_PUSH_S / self._step_s)
 
     def begin_period(self, drawn: tuple[float, float, float]) -> None:
-        """Start a control period: odometry from zero, new slip from three standard normal draws."""
+        """Start a control period: reset odometry, and change the slip by three standard normal numbers."""
         self._odometry = (0.0, 0.0, 0.0)
         settings = self._settings
         kept = math.exp(-CONTROL_PERIOD_S / _SLIP_TIME_S)
@@ -146,15 +147,15 @@ class RobotBody:
         self._slip = (a, b, c)
 
     def drive(self, order: Order) -> None:
-        """Queue an order, obey the one of a dead time ago, and set the body's velocity for a physics step."""
+        """Queue an order, obey the one given a dead time ago, and set the body's velocity for a physics step."""
         self._waiting.append(order)
         self._order = now = self._waiting.popleft()
         self._turn_wheels(now)
         self._set_velocity()
         if now.pan_rad is not None:
-            most_rad, max_pan = self.spec.pan_limit_rad, self.spec.pan_rps * self._step_s
-            want_pan = max(-most_rad, min(most_rad, now.pan_rad))
-            self._pan_rad += max(-max_pan, min(max_pan, want_pan - self._pan_rad))
+            limit_rad, step_rad = self.spec.pan_limit_rad, self.spec.pan_rps * self._step_s
+            wanted_rad = max(-limit_rad, min(limit_rad, now.pan_rad))
+            self._pan_rad += max(-step_rad, min(step_rad, wanted_rad - self._pan_rad))
 
     def _turn_wheels(self, order: Order) -> None:
         """Change the wheels' velocity towards the order within the limits."""
@@ -168,8 +169,8 @@ class RobotBody:
             want_f, want_l = want_f * spec.max_speed_mps / speed, want_l * spec.max_speed_mps / speed
             speed = spec.max_speed_mps
         df, dl = want_f - forward, want_l - left
-        most = spec.speed_up_mps2 if speed >= math.hypot(forward, left) else spec.brake_mps2
-        change, max_change = math.hypot(df, dl), most * dt
+        limit_mps2 = spec.speed_up_mps2 if speed >= math.hypot(forward, left) else spec.brake_mps2
+        change, max_change = math.hypot(df, dl), limit_mps2 * dt
         if change > max_change:
             df, dl = df * max_change / change, dl * max_change / change
         want_turn = max(-spec.max_turn_rps, min(spec.max_turn_rps, want_turn))
@@ -178,7 +179,7 @@ class RobotBody:
         self._wheels = (forward + df, left + dl, turn)
 
     def _set_velocity(self) -> None:
-        """Set the body's velocity: that of the wheels, their slip, and a push."""
+        """Set the body's velocity: the sum of the wheels' velocity, their slip, and a push."""
         forward, left, turn = self._wheels
         sf, sl, slip_turn = self._slip
         c, s = self._axis
@@ -188,42 +189,42 @@ class RobotBody:
             px, py, pt = self._push
             slip_x, slip_y, slip_turn = slip_x + px, slip_y + py, slip_turn + pt
         self._slip_in_field = (slip_x, slip_y)
-        self._set = (c * forward - s * left + slip_x, s * forward + c * left + slip_y, turn + slip_turn)
-        # the engine's setters take most of a step's time
-        if self._set[:2] != self._moves[:2]:
-            self.body.velocity = self._set[:2]
-        if self._set[2] != self._moves[2]:
-            self.body.angular_velocity = self._set[2]
+        self._velocity_before = (c * forward - s * left + slip_x, s * forward + c * left + slip_y, turn + slip_turn)
+        # the physics engine's setters are slow, so they are called for changed values only
+        if self._velocity_before[:2] != self._velocity_after[:2]:
+            self.body.velocity = self._velocity_before[:2]
+        if self._velocity_before[2] != self._velocity_after[2]:
+            self.body.angular_velocity = self._velocity_before[2]
 
     def finish_step(self) -> None:
-        """Let contacts turn the wheels after a physics step; wheels that turn along measure the way."""
+        """After a physics step, change the wheels' velocity by contacts, and integrate the odometry."""
         if self._steps_to_kick:
             self._steps_to_kick -= 1
         vx, vy = self.body.velocity
-        self._moves = (vx, vy, self.body.angular_velocity)
+        self._velocity_after = (vx, vy, self.body.angular_velocity)
         if self.spec.turns_along:
             angle = self.body.angle
             self._axis = (math.cos(angle), math.sin(angle))
-        if self._moves != self._set:
+        if self._velocity_after != self._velocity_before:
             self._take_contact()
         if self.spec.turns_along:
-            self._measure()
+            self._integrate_odometry()
 
     def _take_contact(self) -> None:
-        """Turn the wheels by what a contact has changed: it stops what slips towards it first."""
-        jx, jy = self._moves[0] - self._set[0], self._moves[1] - self._set[1]
+        """Change the wheels' velocity by that of a contact, less the slip towards the contact, which it stops first."""
+        jx = self._velocity_after[0] - self._velocity_before[0]
+        jy = self._velocity_after[1] - self._velocity_before[1]
         hit = math.hypot(jx, jy)
         x, y, turn = self._wheels
         if hit > 1e-9:
             nx, ny = jx / hit, jy / hit
-            taken_up = min(hit, max(-(self._slip_in_field[0] * nx + self._slip_in_field[1] * ny), 0.0))
-            jx, jy = nx * (hit - taken_up), ny * (hit - taken_up)
+            slip_stopped = min(hit, max(-(self._slip_in_field[0] * nx + self._slip_in_field[1] * ny), 0.0))
+            jx, jy = nx * (hit - slip_stopped), ny * (hit - slip_stopped)
             c, s = self._axis
             x, y = x + c * jx + s * jy, y - s * jx + c * jy
-        self._wheels = (x, y, turn + (self._moves[2] - self._set[2]))
+        self._wheels = (x, y, turn + (self._velocity_after[2] - self._velocity_before[2]))
 
-    def _measure(self) -> None:
-        """Integrate the odometry."""
+    def _integrate_odometry(self) -> None:
         forward, left, turn = self._wheels
         x, y, theta = self._odometry
         dt = self._step_s
@@ -234,15 +235,15 @@ class RobotBody:
 
     @property
     def odometry(self) -> Pose2:
-        """Motion since the control period began, in the robot frame of then, measured by the wheels."""
+        """Motion since the control period began, in the robot frame at that time, measured by the wheels."""
         x, y, theta = self._odometry
         return Pose2(x, y, wrap_angle(theta))
 
     def holds(self, ball: BallBody) -> bool:
-        """Return whether the ball interrupts the light barrier across the mouth; one in the air does not."""
+        """Return whether the ball interrupts the light barrier across the mouth; a ball in the air does not."""
         if ball.height_m > ball.radius_m:
             return False
-        along, aside = self._from_here(ball)
+        along, aside = self._ball_in_robot(ball)
         reach_m = self.spec.center_to_dribbler_m + (1 + _MOUTH_DEPTH) * ball.radius_m
         return 0 < along <= reach_m and abs(aside) <= self.spec.dribbler_width_m / 2
 
@@ -259,18 +260,18 @@ class RobotBody:
 
     def _kick(self, ball: BallBody, wanted_mps: float, rise_rad: float) -> float:
         spec, settings = self.spec, self._settings
-        hard, askew = self._rng.standard_normal(2).tolist()
-        most = spec.max_chip_mps if rise_rad > 0 else spec.max_kick_mps
-        speed: float = min(wanted_mps, most) * (1 + settings.kick_speed_std * hard)
-        aim = self.body.angle + settings.kick_angle_std_rad * askew
+        speed_error, angle_error = self._rng.standard_normal(2).tolist()
+        limit_mps = spec.max_chip_mps if rise_rad > 0 else spec.max_kick_mps
+        speed: float = min(wanted_mps, limit_mps) * (1 + settings.kick_speed_std * speed_error)
+        aim = self.body.angle + settings.kick_angle_std_rad * angle_error
         vx, vy = self.body.velocity if spec.turns_along else (0.0, 0.0)
         along = speed * math.cos(rise_rad)
         ball.kick(vx + along * math.cos(aim), vy + along * math.sin(aim), speed * math.sin(rise_rad))
         return speed
 
     def _dribble(self, ball: BallBody) -> None:
-        """Draw a ball in the mouth towards its seat, which turns with the robot."""
-        along, aside = self._from_here(ball)
+        """Pull a ball in the mouth towards its seat, which turns with the robot."""
+        along, aside = self._ball_in_robot(ball)
         seat_m = self.spec.center_to_dribbler_m + ball.radius_m
         angle, turn = self.body.angle, self.body.angular_velocity
         c, s = math.cos(angle), math.sin(angle)
@@ -280,18 +281,18 @@ class RobotBody:
         ax = _STIFFNESS_PS2 * (c * to_f - s * to_l) - _DAMPING_PS * off_x
         ay = _STIFFNESS_PS2 * (s * to_f + c * to_l) - _DAMPING_PS * off_y
         pull = math.hypot(ax, ay)
-        kept = min(1.0, _GRIP_MPS2 / pull) if pull else 0.0
-        ball.pull(ax * kept, ay * kept, self._step_s)
+        scale = min(1.0, _GRIP_MPS2 / pull) if pull else 0.0
+        ball.pull(ax * scale, ay * scale, self._step_s)
 
-    def _from_here(self, ball: BallBody) -> tuple[float, float]:
-        """Return where the ball is, ahead and left of the robot's centre."""
+    def _ball_in_robot(self, ball: BallBody) -> tuple[float, float]:
+        """Return the ball's position in the robot frame: ahead and left, metres."""
         (x, y), (bx, by) = self.body.position, ball.body.position
         c, s = math.cos(self.body.angle), math.sin(self.body.angle)
         return c * (bx - x) + s * (by - y), -s * (bx - x) + c * (by - y)
 
 
 def _hull(body: pymunk.Body, spec: RobotSpec) -> pymunk.Shape:
-    """Return a disc, cut off at its front where that is flat."""
+    """Return the robot's outline: a disc, cut off at the front if that is flat."""
     if spec.center_to_dribbler_m >= spec.radius_m:
         return pymunk.Circle(body, spec.radius_m)
     half_rad = math.acos(spec.center_to_dribbler_m / spec.radius_m)

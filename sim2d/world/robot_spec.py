@@ -1,4 +1,4 @@
-"""What a robot is like: its measures and limits, and what is imperfect about it."""
+"""Dimensions, limits and imperfections of a robot."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from sim2d.robot_link import RobotLimits
 class BodySettings:
     """Mass and imperfections of the robots of a match."""
 
-    #: Mass of a small robot.
+    #: Mass, by default of a small robot.
     mass_kg: float = 2.5
-    #: Systematic error of the odometry's way and turn, drawn once a robot: wheels are never quite round.
+    #: Standard deviation of the odometry's systematic errors of distance and angle, drawn once per robot.
     gain_std: float = 0.01
-    #: Slip's standard deviation as a part of the speed.
+    #: Standard deviation of the slip, as a fraction of the speed.
     slip_part: float = 0.05
-    #: The same for turning, per metre driven.
+    #: Standard deviation of the slip in turning, per metre driven.
     slip_turn_rad_per_m: float = 0.05
-    #: Time to charge the kicker.
+    #: Time that the kicker needs to charge.
     kick_again_s: float = 0.5
     #: Standard deviation of a kick's speed, as a fraction of it.
     kick_speed_std: float = 0.05
@@ -28,23 +28,23 @@ class BodySettings:
     kick_angle_std_rad: float = math.radians(1.5)
 
 
-#: Wheels that do not slip, and a kicker that hits: robots of the league's simulator.
+#: Wheels without slip, and a kicker without errors: robots of the league's simulator.
 PERFECT = BodySettings(2.5, 0.0, 0.0, 0.0, kick_again_s=0.1, kick_speed_std=0.0, kick_angle_std_rad=0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """What a robot is like; the defaults are those of a fast robot of division B."""
+    """Dimensions and limits of a robot; the defaults are those of a fast robot of division B."""
 
-    #: Of its hull.
+    #: Radius and height of its hull.
     radius_m: float = 0.09
     height_m: float = 0.15
     mass_kg: float = 2.5
-    #: From its centre to its flat front; of a round robot its radius.
+    #: Distance from its centre to its flat front; for a round robot its radius.
     center_to_dribbler_m: float = 0.075
-    #: Of the mouth in that front.
+    #: Width of the mouth in that front.
     dribbler_width_m: float = 0.07
-    #: Largest speed that a straight kick, and a chip, gives the ball.
+    #: Largest speeds of the ball after a straight kick and a chip.
     max_kick_mps: float = 8.0
     max_chip_mps: float = 8.0
     #: Largest accelerations, in any direction.
@@ -55,26 +55,26 @@ class RobotSpec:
     #: Largest velocities, in any direction.
     max_speed_mps: float = 4.0
     max_turn_rps: float = 20.0
-    #: Of front right, back right, back left and front left wheel, counter-clockwise from straight ahead; a
-    #: wheel drives counter-clockwise about the robot's centre.
+    #: Places of the front right, back right, back left and front left wheel, counter-clockwise from straight ahead; a
+    #: positive wheel speed drives counter-clockwise about the robot's centre.
     wheel_angles_rad: tuple[float, float, float, float] = (
         math.radians(-60),
         math.radians(-135),
         math.radians(135),
         math.radians(60),
     )
-    #: Whether its velocity turns along with it, as that of wheels that grip does, and is added to a kick's. Otherwise
-    #: velocities that it is ordered and that it kicks with are those over the carpet.
+    #: Whether its velocity rotates with it, as with gripping wheels, and is added to that of a kick. Otherwise ordered
+    #: velocities and those of kicks are relative to the carpet.
     turns_along: bool = False
-    #: From an order until wheels and neck obey it.
+    #: Time from an order until wheels and neck obey it.
     dead_time_s: float = 0.0
-    #: How fast the head pans, and how far to either side.
+    #: Speed of the head's pan, and its limit to either side.
     pan_rps: float = 0.0
     pan_limit_rad: float = 0.0
 
     @classmethod
     def of(cls, limits: RobotLimits, body: BodySettings, ball_radius_m: float) -> RobotSpec:
-        """Return a round robot of a match, whose mouth is half as wide again as the ball."""
+        """Return a round robot of a match, whose mouth is 1.5 times as wide as the ball."""
         return cls(
             radius_m=limits.radius_m,
             height_m=limits.height_m,
@@ -88,7 +88,7 @@ class RobotSpec:
         ).limited(limits)
 
     def limited(self, limits: RobotLimits) -> RobotSpec:
-        """Return the same robot that drives, turns and kicks no faster than limits let it."""
+        """Return the same robot with the speeds, accelerations and kicks of `limits`."""
         return replace(
             self,
             max_kick_mps=limits.kick_speed_mps,

@@ -1,4 +1,4 @@
-"""The true state of the world at one moment, as plain values: for renderer, report and referee, never for a player."""
+"""The true state of the world at one moment, as plain values for renderer, report and referee, never for a player."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ EventKind = Literal["kick", "goal", "ball_out", "drop", "collision", "carried_ba
 
 @dataclass(frozen=True, slots=True)
 class RobotState:
-    """One robot."""
+    """True state of one robot."""
 
-    #: Among all robots, side +1 first.
+    #: Index among all robots, side +1 first.
     index: int
     #: +1: attacks the goal at +x; -1: the one at -x.
     side: int
-    #: Within its side.
+    #: Number within its side.
     number: int
-    #: Field frame.
+    #: Pose, field frame.
     pose: Pose2
-    #: Field frame.
+    #: Velocity, field frame.
     velocity_mps: tuple[float, float]
-    #: Turning rate, radians a second.
+    #: Turning rate, radians per second.
     turn_rps: float
     #: Pan of the head that carries a pinhole camera.
     pan_rad: float = 0.0
-    #: Of its hull.
+    #: Radius and height of its hull.
     radius_m: float = 0.09
     height_m: float = 0.15
 
 
 @dataclass(frozen=True, slots=True)
 class BallState:
-    """The ball's place and velocity, field frame; `z_m` is its height above where it lies, 0 while it rolls."""
+    """The ball's place and velocity, field frame; `z_m` is the height of its lower side, 0 while it rolls."""
 
     x_m: float
     y_m: float
@@ -48,40 +48,40 @@ class BallState:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened."""
+    """An event of a match."""
 
     #: Time of the event.
     t_s: float
     #: ``kick``, ``goal``, ``ball_out``, ``drop`` (a ball that lay still is put elsewhere), ``collision``,
     #: ``carried_back`` (a robot that left the field), ``whistle`` (play begins).
     kind: EventKind
-    #: Those that took part; a collision with something fixed has one.
+    #: Indices of the robots involved; a collision with something fixed has one.
     robots: tuple[int, ...] = ()
-    #: Goal: that scored; 0 otherwise.
+    #: Goal: side that scored; 0 otherwise.
     side: int = 0
-    #: Collision: speed of approach; kick: of the ball; 0 otherwise.
+    #: Collision: speed of approach; kick: speed of the ball; 0 otherwise.
     speed_mps: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class WorldState:
-    """The whole world at one moment."""
+    """True state of the world at one moment."""
 
-    #: Since the start.
+    #: Time since the start.
     t_s: float
-    #: In order of their index.
+    #: Robots in order of their index.
     robots: tuple[RobotState, ...]
-    #: None on a course without one.
+    #: The ball; None on a course without one.
     ball: BallState | None
     #: Goals of side +1, of side -1.
     score: tuple[int, int]
-    #: Kick-off: the ball lies at the centre until the whistle.
+    #: Phase of play; during a kick-off the ball lies at the centre until the whistle.
     phase: Phase
-    #: Whose turn it is at a kick-off, free kick, penalty or ball placement: +1 or -1.
+    #: Side whose turn it is at a kick-off, free kick, penalty or ball placement: +1 or -1.
     kick_off_side: int
-    #: What happened during the last control period.
+    #: Events of the last control period.
     events: tuple[Event, ...]
-    #: Where the ball shall be placed, in phase "ball_placement".
+    #: Where the ball is to be placed, in phase "ball_placement".
     placement_m: tuple[float, float] | None = None
 
 
@@ -89,19 +89,19 @@ class WorldState:
 class RobotMoment:
     """One robot in one control period."""
 
-    #: What it sensed.
+    #: Senses of the robot.
     senses: Senses
-    #: What its player reported then.
+    #: Its player's status after them.
     status: PlayerStatus
-    #: What its player commanded then.
+    #: Its player's command.
     command: Command
-    #: Why its player was stopped; empty if it was not.
+    #: Reason why its player was stopped; empty if it was not.
     stopped: str
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """One control period of a match: the truth when the senses were taken, and each robot in order of its index."""
+    """One control period of a match: the true state when the robots sensed, and the robots in order of their index."""
 
     state: WorldState
     robots: tuple[RobotMoment, ...]

@@ -1,4 +1,4 @@
-"""The world of a match: its robots by their indices, in control periods, under its rules."""
+"""The world of a match: robots and ball, simulated in control periods, under the referee's rules."""
 
 from __future__ import annotations
 
@@ -26,24 +26,23 @@ _STOP = Command()
 
 @dataclass(frozen=True, slots=True)
 class WorldSettings:
-    """Values of the physics: of each robot's body and of the ball."""
+    """Settings of the physics: of each robot's body and of the ball."""
 
     body: BodySettings = BodySettings()
     ball: BallSettings = BallSettings()
 
 
 class World:
-    """The true state of a match, and its laws.
+    """The true state of a match, and its simulation.
 
-    Robots are numbered 0 to 2n - 1, those of side +1 (attacking the goal at +x) first, and stand where a kick-off wants
-    them.
+    Robots are numbered 0 to 2n - 1, those of side +1 (attacking the goal at +x) first, in kick-off places.
 
     Parameters
     ----------
     referee : MatchReferee, optional
-        Who judges; default: one of sim2d's own simple rules.
+        Default: sim2d's own, with simple rules.
     boxes, starts
-        Of a course (`World.course`).
+        Obstacles and robots' poses of a course (`World.course`).
 
     Raises
     ------
@@ -98,7 +97,7 @@ class World:
 
     @property
     def state(self) -> WorldState:
-        """The truth."""
+        """The true state now."""
         referee, ball = self._referee, self._physics.ball
         score = (referee.score[1], referee.score[-1]) if referee else (0, 0)
         phase: Phase = referee.phase if referee else "play"
@@ -119,7 +118,7 @@ class World:
         Parameters
         ----------
         commands : mapping of int to Command
-            By the robots' indices; one without a command stops.
+            Commands by the robots' indices; a robot without one stops.
 
         Raises
         ------
@@ -154,31 +153,31 @@ class World:
                 self.place(index, Pose2(x, y, robots[index].pose.theta_rad))
 
     def odometry(self, index: int) -> Pose2:
-        """Motion during the last control period, in the robot frame at its beginning, measured by the wheels."""
+        """Return the motion during the last control period, robot frame at its beginning, measured by the wheels."""
         return self._robot(index).odometry
 
     def ball_in_mouth(self, index: int) -> bool:
-        """Whether the ball interrupts the light barrier across a robot's mouth."""
+        """Return whether the ball interrupts the light barrier across a robot's mouth."""
         ball = self._physics.ball
         return ball is not None and self._robot(index).holds(ball)
 
     def place(self, index: int, pose: Pose2) -> None:
-        """Put a robot somewhere, at rest; its odometry does not measure that (kidnapping)."""
+        """Put a robot at a pose, at rest; its odometry does not measure that (kidnapping)."""
         self._robot(index).place(pose)
 
     def push(self, index: int, dx_m: float, dy_m: float, turn_rad: float = 0.0) -> None:
-        """Push a robot by a way (field frame) and an angle; its odometry does not measure that."""
+        """Push a robot by a displacement (field frame) and an angle; its odometry does not measure that."""
         if not all(math.isfinite(value) for value in (dx_m, dy_m, turn_rad)):
             raise ArgumentError(f"a push must be finite, got {dx_m}, {dy_m}, {turn_rad}")
         self._robot(index).push(dx_m, dy_m, turn_rad)
 
     def place_ball(self, x_m: float, y_m: float, vx_mps: float = 0.0, vy_mps: float = 0.0) -> None:
-        """Put the ball somewhere, rolling at a velocity.
+        """Put the ball at a place, rolling with a velocity, field frame.
 
         Raises
         ------
         ArgumentError
-            If there is none.
+            If there is no ball.
         """
         if self._physics.ball is None:
             raise ArgumentError("this world has no ball")

@@ -1,1 +1,1 @@
-"""What the robot's process and the page's share: moments, their bytes, and what a page may ask for."""
+"""What the robot's process and the page's share: moments, their encoding, and the requests of a page."""

@@ -7,7 +7,7 @@ from typing import IO, Any
 
 from field_models.errors import ArgumentError
 
-# what a run may offer, and the refusal that a page gets otherwise
+# everything that a run may offer, with the refusal for runs that do not
 _REFUSALS = {
     "pause": "this source cannot be paused: it goes on by itself",
     "seek": "this source cannot go to a time",
@@ -18,22 +18,22 @@ _REFUSALS = {
     "calibrate": "this source needs no calibration: it has a camera file",
 }
 
-# what a page may ask for by name, and what must be offered for it
+# requests of a page by name, and the offer that each needs
 _NEEDED = {
-    "pause": "pause",  # stand still, or go on
-    "step": "pause",  # take one more frame while standing still
-    "seek": "seek",  # go to a time, and stand still there
+    "pause": "pause",  # pause, or go on
+    "step": "pause",  # process one more frame while paused
+    "seek": "seek",  # go to a time, and pause there
     "open": "open",  # open another recording of the same folder at a time
     "record": "record",  # begin or end recording
     "save": "save",  # write a picture's frame as a dataset
-    "place": "place",  # put a robot of a simulation, or its ball, somewhere; without a heading a robot keeps its own
+    "place": "place",  # move a robot or the ball of a simulation; without a heading a robot keeps its own
     "collect": "calibrate",  # begin or end collecting frames for a calibration
-    "calibrate": "calibrate",  # calibrate a camera of a kind by the collected frames
+    "calibrate": "calibrate",  # calibrate a camera of a kind from the collected frames
 }
 
 
 class Controls:
-    """Refuses everything; a run has a method for each thing that it offers.
+    """Base class that refuses everything; a subclass has a method for each request that it offers.
 
     All calls come from the page's thread, not from the run's, and must return soon.
 
@@ -41,13 +41,13 @@ class Controls:
     ----------
     offers : frozenset of str
         What the run can do, of "pause", "seek", "open", "record", "save", "calibrate", "place". A run without "pause"
-        goes on by itself, as a camera does: a page then stands still alone.
+        cannot be stopped, like a camera: only the page's picture is paused then.
     """
 
     offers: frozenset[str] = frozenset()
 
     def ask(self, name: str, *values: object) -> None:
-        """Do what a page asks for by name; raises RobocupVisionError if that is not offered, or cannot be done."""
+        """Carry out a page's request; raises RobocupVisionError if it is not offered, or cannot be done."""
         offer = _NEEDED[name]
         if offer not in self.offers:
             raise ArgumentError(_REFUSALS[offer])
@@ -55,13 +55,13 @@ class Controls:
 
 
 def write_message(pipe: IO[bytes], message: tuple[Any, ...]) -> None:
-    """Write a message to the other process; raises OSError or ValueError if that, or the pipe, has ended."""
+    """Write a message to the other process; raises OSError or ValueError if it has ended or the pipe is closed."""
     pipe.write(pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
     pipe.flush()
 
 
 def read_message(pipe: IO[bytes]) -> tuple[Any, ...] | None:
-    """Read a message of the other process; None when it has ended."""
+    """Read a message of the other process; None if it has ended."""
     try:
         message: tuple[Any, ...] = pickle.load(pipe)
     except (EOFError, pickle.UnpicklingError):

@@ -1,8 +1,8 @@
-"""Moments in memory that the robot's process and the page's share, so that handing one over costs one copy.
+"""Moments in memory shared by the robot's process and the page's, so that handing one over costs a single copy.
 
-A byte for each slot says whether it is filled. The robot fills a slot that is empty; the page's process looks for
-filled slots some hundred times a second and empties them. Neither waits for the other, and the robot does not even wake
-the other: on a busy machine a process that has just been woken is given the processor of the one that woke it.
+A byte for each slot says whether it is filled. The robot's process fills empty slots; the page's process polls for
+filled slots some hundred times per second and empties them. Neither waits for the other, and none is woken:
+on a busy machine a process that is woken may get the processor of the one that woke it.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ import numpy as np
 from robocup_vision.arrays import UInt8Array
 
 _HEADER_BYTES, MAX_SLOTS = 64, 32
-# where the page's process says how much processor time it has used
+# processor time used by the page's process, and its place in the header
 _CPU = struct.Struct("<d")
 _CPU_AT = 40
 _EMPTY, _FILLED = 0, 1
-# number, epoch, robot, moments left out before it, height and width of the frame, bytes of the rest
+# number, epoch, robot, dropped, height and width of the frame, bytes of the rest
 _SLOT = struct.Struct("<QIIIIII")
 
 
 class Handed(NamedTuple):
-    """One moment as it lay in a slot."""
+    """The content of a slot: one moment."""
 
-    number: int  #: counts all moments
-    epoch: int  #: counts how often all that is known has been forgotten
+    number: int  #: number among all moments
+    epoch: int  #: number of times that the set of robots was replaced
     robot: int  #: index of the robot
-    dropped: int  #: moments of this robot that were left out so far
-    frame: UInt8Array  #: (H, W, 3) uint8: its own copy
-    rest: bytes  #: all but the frame
+    dropped: int  #: number of this robot's moments that were dropped so far
+    frame: UInt8Array  #: (H, W, 3) uint8: own copy of the frame
+    rest: bytes  #: the moment without its frame
 
 
 class FrameSlots:
-    """Slots of a size in bytes, in a file that lies in memory where the system has such a place.
+    """Slots of a fixed size, in a file which is kept in memory if the system offers that.
 
-    Memory is taken only where something has been written.
+    Only parts that have been written to use memory.
     """
 
     def __init__(self, path: Path, count: int, slot_bytes: int) -> None:
@@ -54,7 +54,7 @@ class FrameSlots:
 
     @classmethod
     def create(cls, count: int, room_bytes: int) -> FrameSlots:
-        """Make a file with empty slots for so many bytes of frame and rest, which only this user can read."""
+        """Make a file, readable only by this user, with empty slots that each hold `room_bytes` of frame and rest."""
         slot_bytes = room_bytes + _SLOT.size
         folder = next((place for place in ("/dev/shm",) if os.access(place, os.W_OK)), None)
         handle, name = tempfile.mkstemp(prefix="robocup_vision_", dir=folder)
@@ -64,7 +64,7 @@ class FrameSlots:
 
     @property
     def room_bytes(self) -> int:
-        """How many bytes of frame and rest fit into a slot."""
+        """Number of bytes of frame and rest that fit into a slot."""
         return self.slot_bytes - _SLOT.size
 
     def empty_slot(self) -> int | None:
@@ -81,22 +81,22 @@ class FrameSlots:
         begin += _SLOT.size
         np.copyto(np.frombuffer(self._memory, np.uint8, size, begin).reshape(handed.frame.shape), handed.frame)
         self._memory[begin + size : begin + size + len(rest)] = rest
-        self._order()
+        self._memory_barrier()
         self._memory[slot] = _FILLED
 
     def take(self) -> list[Handed]:
-        """Return what waits in the slots, in the order of its numbers; the slots are empty then."""
+        """Return the moments in the slots in order of their numbers, and empty the slots."""
         taken = [self._take(slot) for slot in range(self.count) if self._memory[slot] == _FILLED]
         return sorted(taken, key=lambda handed: handed.number)
 
     def _take(self, slot: int) -> Handed:
-        self._order()
+        self._memory_barrier()
         begin = self._begin(slot)
         number, epoch, robot, dropped, height, width, rest_bytes = _SLOT.unpack_from(self._memory, begin)
         begin, size = begin + _SLOT.size, 3 * height * width
         frame = np.frombuffer(self._memory, np.uint8, size, begin).reshape(height, width, 3).copy()
         rest = self._memory[begin + size : begin + size + rest_bytes]
-        self._order()
+        self._memory_barrier()
         self._memory[slot] = _EMPTY
         return Handed(number, epoch, robot, dropped, frame, rest)
 
@@ -110,15 +110,15 @@ class FrameSlots:
         _CPU.pack_into(self._memory, _CPU_AT, seconds)
 
     def remove(self) -> None:
-        """Delete the file's name; the memory stays as long as somebody uses it."""
+        """Delete the file's name; the memory stays as long as a process uses it."""
         self.path.unlink(missing_ok=True)
 
     def _begin(self, slot: int) -> int:
         return _HEADER_BYTES + slot * self.slot_bytes
 
-    def _order(self) -> None:
-        """Keep what was written before from being seen after what is written next, on processors that reorder."""
-        # a release that an acquisition follows
+    def _memory_barrier(self) -> None:
+        """Keep the order of memory accesses before and after this call, on processors that reorder them."""
+        # a lock's release followed by another acquisition is a memory barrier
         for _ in range(2):
             with self._lock:
                 pass

@@ -1,7 +1,6 @@
-"""One moment of one robot as the page shows it: the frame, the view, the command; and as bytes between two processes.
+"""One moment of one robot as the page shows it (frame, view, command), and its encoding for another process.
 
-What seldom changes (the samples' places, the camera, colours, the map) is sent once, and again when it is another
-object: the places alone are half a megabyte.
+What seldom changes (the samples' places, half a megabyte, camera, colours, map) is sent only when it is another object.
 """
 
 from __future__ import annotations
@@ -23,34 +22,34 @@ from robocup_vision.perception.markings.finder import MarkingSource
 from robocup_vision.view import View
 
 Point = tuple[float, float]
-# parts of a view, and then of a moment, that are sent when they are another object than the time before
-_SELDOM = ("polar", "grid", "camera", "colors", "settings", "map_state", "marking_finder")
+# parts of a view and of a moment that are sent only when they have become another object
+_SENT_ON_CHANGE = ("polar", "grid", "camera", "colors", "settings", "map_state", "marking_finder")
 _VIEW_FIELDS = tuple(field.name for field in fields(View))
 _NO_FRAME = np.empty((0, 0, 3), dtype=np.uint8)
 
 
 @dataclass(frozen=True, slots=True)
 class RobotSetup:
-    """What stays the same of a robot."""
+    """The constant properties of a robot."""
 
-    name: str  #: what the page calls it; no two robots of a page share one
-    field: Field  #: the pitch it is on
+    name: str  #: its name on the page, unique there
+    field: Field  #: the field it plays on
     camera: OmniCamera | PinholeCamera | None  #: its camera; None: not calibrated yet
-    radius_m: float  #: its size from above
+    radius_m: float  #: radius of its outline from above
 
 
 @dataclass(frozen=True, slots=True)
 class RobotPlan:
-    """What a robot is about to do."""
+    """A robot's command and the plan behind it."""
 
     #: commanded velocity in the robot frame: forward and left in m/s, turn in rad/s
     command: tuple[float, float, float] | None = None
     way: tuple[Point, ...] = ()  #: points it drives to, in order, field frame, metres
-    reasons: tuple[str, ...] = ()  #: why, in words
+    reasons: tuple[str, ...] = ()  #: reasons for them, as text
 
 
 class TrueRobot(NamedTuple):
-    """Where a simulated robot is: its name, its side (+1 attacks the goal at +x, -1 the other one), its pose."""
+    """A simulated robot: its name, side (+1 attacks the goal at +x, -1 the other one) and pose in the field frame."""
 
     name: str
     side: int
@@ -58,7 +57,7 @@ class TrueRobot(NamedTuple):
 
 
 class TrueWorld(NamedTuple):
-    """Where everything is in a simulation, field frame; what has a name, and the "ball", can be put elsewhere."""
+    """True places in a simulation, field frame; robots, by name, and the "ball" can be put elsewhere."""
 
     robots: tuple[TrueRobot, ...]
     ball_m: Point | None
@@ -69,35 +68,35 @@ class Moment:
     """One moment of one robot."""
 
     robot: str
-    frame: UInt8Array  #: (H, W, 3) uint8: BGR. Nobody writes to it any more.
+    frame: UInt8Array  #: (H, W, 3) uint8: BGR; no longer written to
     t_s: float  #: when it was taken
-    view: View | None = None  #: what was seen in it; None: nobody has looked at it
-    problem: str = ""  #: why nobody has looked at it; empty otherwise
-    colors: Colors | None = None  #: in use when it was looked at
-    plan: RobotPlan = RobotPlan()  #: what the robot is about to do
-    truth: Pose2 | None = None  #: where it really was, if that is known, as in a simulation
-    rate_hz: float | None = None  #: how often the source gives frames, by their times
-    settings: Mapping[str, str] | None = None  #: words to show beside: the method, and what else does not change often
+    view: View | None = None  #: what was seen in it; None: it was not processed
+    problem: str = ""  #: why it was not processed; empty otherwise
+    colors: Colors | None = None  #: colours with which it was processed
+    plan: RobotPlan = RobotPlan()  #: the robot's command and plan
+    truth: Pose2 | None = None  #: true pose, if it is known, as in a simulation
+    rate_hz: float | None = None  #: rate of the source's frames, by their times
+    settings: Mapping[str, str] | None = None  #: texts to show beside the picture: the method and other settings
     world: TrueWorld | None = None  #: where everything was in a simulation
 
 
 class Display(Protocol):
-    """Takes what loops have seen; safe to use from several threads."""
+    """Shows what loops have seen; safe to use from several threads."""
 
     def set_robots(self, setups: tuple[RobotSetup, ...]) -> None:
         """Show these robots, and forget all others."""
         ...
 
     def put(self, moment: Moment) -> None:
-        """Hand a moment over, and go on."""
+        """Hand a moment over without waiting."""
         ...
 
     def wait_until_made(self, timeout_s: float) -> bool:
-        """Wait until all that was handed over can be seen; return whether that is so."""
+        """Wait until all moments handed over can be seen; return whether they can."""
         ...
 
     def forget(self) -> None:
-        """Forget all moments: the source has gone to another time."""
+        """Forget all moments, because the source has gone to another time."""
         ...
 
     def say(self, line: str) -> None:
@@ -105,7 +104,7 @@ class Display(Protocol):
         ...
 
     def set_status(self, **changes: Any) -> None:
-        """Change what is shown of the run: plain values by name."""
+        """Change the status values that are shown, by name."""
         ...
 
     def close(self) -> None:
@@ -114,14 +113,14 @@ class Display(Protocol):
 
 
 class MomentWriter:
-    """Turns the moments of one robot into bytes."""
+    """Encodes the moments of one robot."""
 
     def __init__(self) -> None:
-        # kept, so that a new object never has the identity of an old one
-        self._sent: dict[str, object] = dict.fromkeys(_SELDOM)
+        # holding the objects keeps a new one from having the identity of an old one
+        self._sent: dict[str, object] = dict.fromkeys(_SENT_ON_CHANGE)
 
     def write(self, moment: Moment) -> tuple[bytes, dict[str, object]]:
-        """Return a moment without its frame, and what counts as sent once these bytes are on their way."""
+        """Return the bytes of a moment without its frame, and the values to pass to `sent` once they are sent."""
         view = moment.view
         now: dict[str, object] = {"colors": moment.colors, "settings": moment.settings}
         shown = None
@@ -129,7 +128,7 @@ class MomentWriter:
             shown = {name: getattr(view, name) for name in _VIEW_FIELDS}
             now |= {name: shown.pop(name) for name in ("polar", "grid", "camera")}
             shown["timings_s"] = dict(view.timings_s)
-            # its frame comes apart from it, and its camera is the view's, held as the frame says
+            # its frame is sent apart, and its camera is the view's with another mounting
             source = shown.pop("marking_source")
             now["marking_finder"] = None if source is None else source.finder
             shown["held"] = None if source is None else (_mounting(source.camera), source.held_covariance)
@@ -142,18 +141,18 @@ class MomentWriter:
         return pickle.dumps((changed, shown, rest), pickle.HIGHEST_PROTOCOL), changed
 
     def sent(self, changed: dict[str, object]) -> None:
-        """Remember what the other side has now."""
+        """Remember which values the other side has now."""
         self._sent.update(changed)
 
 
 class MomentReader:
-    """Turns bytes of a `MomentWriter` into moments."""
+    """Decodes the bytes of a `MomentWriter`."""
 
     def __init__(self) -> None:
-        self._known: dict[str, Any] = dict.fromkeys(_SELDOM)
+        self._known: dict[str, Any] = dict.fromkeys(_SENT_ON_CHANGE)
 
     def read(self, data: bytes, frame: UInt8Array) -> Moment:
-        """Return the moment; its frame comes apart from it."""
+        """Return the moment; its frame is passed apart."""
         changed, shown, (robot, t_s, problem, plan, truth, rate_hz, world) = pickle.loads(data)
         self._known.update(changed)
         known, view = self._known, None

@@ -1,4 +1,4 @@
-"""How much is kept for the page, and which packages it needs: without loading them."""
+"""How much is kept for the page, and a check of the packages that it needs, without loading them."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ LOOPBACK = "127.0.0.1"
 
 @dataclass(frozen=True, slots=True)
 class FeedSettings:
-    """How much is kept.
+    """How much is kept for each robot.
 
     Parameters
     ----------
     history_s : float
-        Pictures of so many seconds are kept for each robot.
+        Time for which pictures are kept.
     max_history_bytes : int
-        And no more than these, each robot: 30 s of 640 x 480 at 30 frames a second take about half.
+        Largest size of these pictures; 30 s of 640 x 480 at 30 frames per second take about half of the default.
     max_raw_bytes : int
-        Frames as they came, each robot: as long as one is kept, it can be saved without loss.
+        Largest size of the original frames that are kept; as long as one is kept, it can be saved without loss.
     jpeg_quality : int
-        Above 85 a JPEG grows quickly while nothing more is to be seen.
+        Quality of the pictures; above 85 they grow quickly without visible improvement.
     """
 
     history_s: float = 30.0
@@ -39,7 +39,7 @@ class FeedSettings:
 
 
 def require_packages() -> None:
-    """Raise ArgumentError without the packages of the extra `live`; it names those that are missing."""
+    """Raise ArgumentError if packages of the extra `live` are missing; it names them."""
     missing = [name for name in ("starlette", "uvicorn", "websockets") if find_spec(name) is None]
     if missing:
         raise ArgumentError(f"the page needs {' and '.join(missing)}: pip install 'robocup-vision[live]'")

@@ -1,1 +1,1 @@
-"""The process that serves the page: keeps what was seen, makes pictures of it, and answers what pages ask for."""
+"""The process that serves the page: keeps moments, makes pictures of them, and handles the pages' requests."""

@@ -1,7 +1,7 @@
 """Passes moments from the robots' loops to the pages, and keeps the last 30 s of them.
 
-A loop hands a moment over and goes on at once. A thread makes the picture; where it is late, newer moments take the
-place of those that wait, so a loop never waits, and a page never lags behind.
+A loop hands over a moment and continues at once. A thread makes the picture. If it is late, newer moments replace those
+that wait, so that a loop never waits and a page is never behind.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from robocup_vision.live.handover.moment import Moment, RobotSetup
 from robocup_vision.live.handover.page_settings import FeedSettings
 from robocup_vision.live.page.picture import Picture, PictureMaker
 
-# lines that a page shows, newest last
+# number of text lines that a page shows, newest last
 _MAX_LINES = 40
 
 
@@ -57,7 +57,7 @@ class Feed:
         self._thread.start()
 
     def set_robots(self, setups: tuple[RobotSetup, ...]) -> None:
-        """Show these robots; what was kept of others, and of these before, is forgotten."""
+        """Show these robots, and forget all moments kept before."""
         quality = self.settings.jpeg_quality
         with self._lock:
             self._robots = {setup.name: _Robot(setup, PictureMaker(setup, quality)) for setup in setups}
@@ -67,14 +67,14 @@ class Feed:
 
     @property
     def setups(self) -> tuple[RobotSetup, ...]:
-        """The robots, in the order they were made known."""
+        """The robots, in the order of `set_robots`."""
         with self._lock:
             return tuple(robot.setup for robot in self._robots.values())
 
     def put(self, moment: Moment, dropped: int = 0) -> None:
-        """Hand a moment over; takes the place of one of the same robot that still waits.
+        """Hand over a moment; it replaces one of the same robot that still waits.
 
-        `dropped` of this robot were left out before they came here. Raises ArgumentError if the robot is not known.
+        `dropped` is the number of this robot's moments dropped before. Raises ArgumentError if the robot is not known.
         """
         with self._lock:
             robot = self._robots.get(moment.robot)
@@ -86,7 +86,7 @@ class Feed:
             self._lock.notify_all()
 
     def want_markings(self, page: object, on: bool) -> None:
-        """Find the markings of the moments to come as long as one page wants them."""
+        """Set whether a page wants markings; they are found for new moments as long as at least one page does."""
         with self._lock:
             if on:
                 self._want_markings.add(id(page))
@@ -94,7 +94,7 @@ class Feed:
                 self._want_markings.discard(id(page))
 
     def wait_until_made(self, timeout_s: float) -> bool:
-        """Wait until no moment waits any more; return whether that is so."""
+        """Wait until the pictures of all moments are made; return False at the timeout."""
         with self._lock:
             robots = self._robots.values()
             return self._lock.wait_for(lambda: not any(r.waiting or r.is_making for r in robots), timeout_s)
@@ -106,7 +106,7 @@ class Feed:
             return known.pictures[-1] if known is not None and known.pictures else None
 
     def history(self, robot: str) -> tuple[Picture, ...]:
-        """Return all pictures that are kept of a robot, oldest first."""
+        """Return all kept pictures of a robot, oldest first."""
         with self._lock:
             known = self._robots.get(robot)
             return () if known is None else tuple(known.pictures)
@@ -119,7 +119,7 @@ class Feed:
             return next((moment for own, moment in kept if own == number), None)
 
     def forget(self) -> None:
-        """Forget all that was kept: the source has gone to another time."""
+        """Forget all kept moments, because the source has jumped to another time."""
         with self._lock:
             self._epoch += 1
             for robot in self._robots.values():
@@ -129,14 +129,14 @@ class Feed:
                 robot.picture_bytes = robot.raw_bytes = 0
 
     def say(self, line: str) -> None:
-        """Show a line in the pages."""
+        """Show a line of text on the pages."""
         with self._lock:
             self._lines.append(f"{time.strftime('%H:%M:%S')}  {line}")
             self._version += 1
         self.on_news()
 
     def set_status(self, **changes: Any) -> None:
-        """Change what the pages show of the run: plain values by name."""
+        """Change the run's status on the pages: plain values by name."""
         with self._lock:
             if all(self._status.get(name, ...) == value for name, value in changes.items()):
                 return
@@ -146,12 +146,12 @@ class Feed:
 
     @property
     def status(self) -> tuple[int, Mapping[str, Any]]:
-        """A number that grows with each change, and what the pages show of the run."""
+        """A number that grows with each change, and the run's status on the pages."""
         with self._lock:
             return self._version, {**self._status, "lines": list(self._lines)}
 
     def close(self) -> None:
-        """End the thread; what is handed over after that is not shown."""
+        """End the thread; moments handed over later are not shown."""
         with self._lock:
             self._closed = True
             self._lock.notify_all()
@@ -163,7 +163,7 @@ class Feed:
                 self._lock.wait_for(lambda: self._closed or any(r.waiting for r in self._robots.values()))
                 if self._closed:
                     return
-                # the one whose turn is longest ago
+                # the robot that has waited longest since its last picture
                 robot = min((r for r in self._robots.values() if r.waiting), key=lambda r: r.turn)
                 self._turn += 1
                 robot.turn, robot.is_making = self._turn, True

@@ -1,4 +1,4 @@
-"""What a page may ask for: one small JSON text a message, checked key by key before anything is done."""
+"""Requests of a page: each is one small JSON text, in which all keys are checked before anything is done."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ _Angle = Annotated[float, msgspec.Meta(ge=-10.0, le=10.0)]
 _Seconds = Annotated[float, msgspec.Meta(ge=0.0, le=1e9)]
 
 
-# names of the messages, their keys and values; what is not the page's own affair is `Controls.ask`'s
+# names of the messages, their keys and types of values; those without a comment are described in `Controls`
 _MESSAGES: dict[str, list[tuple[str, Any] | tuple[str, Any, Any]]] = {
-    # the page has drawn a robot's picture: it may get the next one
+    # the page has drawn a robot's picture, and may be sent the next one
     "drawn": [("robot", _Name), ("number", _Number)],
-    # find the markings of the frames to come, or no more: that takes longer than the rest of a picture
+    # start or stop finding the markings of frames, which takes longer than the rest of a picture
     "markings": [("on", bool)],
-    # stand still, or go on with the newest
+    # pause, or go on with the newest frame
     "pause": [("on", bool)],
-    # go some frames forward or back, and stand still there
+    # go some frames forward or back, and pause there
     "step": [("frames", Annotated[int, msgspec.Meta(ge=-10_000, le=10_000)])],
-    # go to so many seconds before the newest frame, and stand still there
+    # go back a number of seconds before the newest frame, and pause there
     "back": [("seconds", _Seconds)],
     "seek": [("t_s", _Seconds)],
     "open": [("recording", _Name), ("t_s", _Seconds, 0.0)],
@@ -49,9 +49,9 @@ _DECODER: msgspec.json.Decoder[msgspec.Struct] = msgspec.json.Decoder(reduce(or_
 
 
 def read_message(text: str) -> tuple[Any, ...]:
-    """Return what a page asks for: the message's name, and its values in order.
+    """Return the name of a page's message, and its values in order.
 
-    Raises PacketError if it is no message.
+    Raises PacketError if the text is not a valid message.
     """
     size = len(text.encode("utf-8", "surrogatepass"))
     if size > MAX_MESSAGE_BYTES:

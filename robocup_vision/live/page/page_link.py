@@ -1,4 +1,4 @@
-"""One open page: which moment it shows, what it gets next, and what it asks for."""
+"""One open page: which moment it shows, what it is sent next, and its requests."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from robocup_vision.live.handover.moment import RobotSetup
 from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.picture import Picture
 
-# pictures of a robot that may be on their way to a page: one is drawn while the next one comes
+# largest number of a robot's pictures on their way to a page: one is drawn while the next one is transmitted
 _MAX_ON_THE_WAY = 2
 
 
 class PageLink:
-    """Chooses what a page gets; knows nothing of sockets."""
+    """Chooses what a page is sent, independently of sockets."""
 
     def __init__(self, feed: Feed, controls: Controls) -> None:
         self._feed, self._controls = feed, controls
@@ -25,18 +25,18 @@ class PageLink:
         self._on_the_way: dict[str, list[int]] = {}
         self._version = -1
         self._setups: tuple[RobotSetup, ...] | None = None
-        # where the page stands still: pictures of each robot, and the time shown; None: it follows the newest
+        # while the page stands still: pictures of each robot, and the time shown; None: it follows the newest moment
         self._kept: Mapping[str, tuple[Picture, ...]] = {}
         self._at_s: float | None = None
         self._must_tell = True
 
     @property
     def stands_still(self) -> bool:
-        """Whether it shows a moment that is not the newest one."""
+        """Whether it shows a fixed moment instead of the newest one."""
         return self._at_s is not None
 
     def outgoing(self) -> Iterator[dict[str, Any] | bytes]:
-        """Yield what the page is to get now: plain values for JSON, or bytes of pictures."""
+        """Yield what is to be sent to the page now: plain values for JSON, or bytes of pictures."""
         setups = self._feed.setups
         if self._setups is None or list(map(id, setups)) != list(map(id, self._setups)):
             self._setups = setups
@@ -61,15 +61,15 @@ class PageLink:
             yield picture.data
 
     def close(self) -> None:
-        """Want nothing more: the page has left."""
+        """Withdraw the page's wishes, after it was closed."""
         self._feed.want_markings(self, False)
 
     def handle(self, message: tuple[Any, ...]) -> None:
-        """Do what the page asks for, as `read_message` returns it; raises RobocupVisionError if that cannot be done."""
+        """Carry out a request, as `read_message` returns it; raises RobocupVisionError if that cannot be done."""
         match message:
             case "drawn", robot, number:
                 under_way = self._on_the_way.get(robot, [])
-                # all before it are drawn, or were left out
+                # all earlier pictures were drawn or skipped
                 self._on_the_way[robot] = [other for other in under_way if other > number]
             case "pause", on:
                 self._pause(on)
@@ -110,13 +110,13 @@ class PageLink:
         at = bisect.bisect_right(times, times[-1] if self._at_s is None else self._at_s) - 1
         to = at + frames
         if to >= len(times) - 1 and can_pause:
-            # at the newest again: the next step takes one more
+            # at the newest moment again: the next step reads another frame
             self._follow()
         else:
             self._at_s = times[min(max(to, 0), len(times) - 1)]
 
     def _stand_still(self) -> None:
-        """Keep what is there now, so that it stays as long as the page stands still."""
+        """Keep the present pictures for as long as the page stands still."""
         if self._at_s is None or "pause" in self._controls.offers:
             self._kept = {setup.name: self._feed.history(setup.name) for setup in self._feed.setups}
         times = self._times()
@@ -144,7 +144,7 @@ class PageLink:
 
 
 def _robot(setup: RobotSetup) -> dict[str, Any]:
-    """Return what the page draws of a robot's field."""
+    """Return a robot and its field as the page needs them for drawing."""
     field = setup.field
     return {
         "name": setup.name,

@@ -1,7 +1,7 @@
-"""The page's own process: keeps what was seen, makes pictures, serves pages.
+"""The page's own process: keeps moments, makes pictures, serves pages.
 
-Started by `LivePage` with two pipes. Apart from the robot's process it cannot take the interpreter's lock from the
-robot's loop, and it has a lower priority. It ends when the pipe from the robot ends, however the robot's program ended.
+It is started by `LivePage` with two pipes. In a process of its own it does not hold the interpreter's lock of the
+robot's loop, and it has a lower priority. It ends when the pipe from the robot is closed, even after a crash.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from robocup_vision.live.page.feed import Feed
 from robocup_vision.live.page.saving import save_from
 from robocup_vision.live.page.server import PageServer
 
-# nice value: the robot's loop goes first
+# nice value: the robot's loop has priority
 _NICENESS = 5
 _MADE_S = 1.0
-# periods of looking for moments: normal, and when none is expected (one has just come, or none for long)
-_LOOK_S, _LOOK_SELDOM_S, _SILENT_S = 0.008, 0.03, 1.0
-# of the time between the last two moments, so much passes before the next is to be expected
+# polling periods, normal and slow (right after a moment), and the time without moments after which polling is slow
+_POLL_S, _SLOW_POLL_S, _SILENT_S = 0.008, 0.03, 1.0
+# the next moment is expected after this fraction of the time between the last two
 _EXPECTED_RATIO = 0.6
 
 
 class _FarControls(Controls):
-    """Passes what pages ask for to the robot's process, but for saving, which needs what is kept here."""
+    """Passes the pages' requests to the robot's process, except for saving, which needs the moments kept here."""
 
     def __init__(self, feed: Feed, out: Path, to_robot: IO[bytes]) -> None:
         self._feed, self._out, self._to_robot = feed, out, to_robot
@@ -49,14 +49,14 @@ class _FarControls(Controls):
 
 
 class _PageProcess:
-    """Obeys the robot's process."""
+    """Carries out the messages of the robot's process."""
 
     def __init__(self, from_robot: IO[bytes], to_robot: IO[bytes]) -> None:
         self._from_robot, self._to_robot = from_robot, to_robot
         self._feed = Feed()
         self._controls: _FarControls | None = None
         self._server: PageServer | None = None
-        # guards what follows: moments are taken in a thread of their own
+        # guards the following attributes, because moments are taken in a thread of their own
         self._lock = threading.Lock()
         self._slots: FrameSlots | None = None
         self._readers: tuple[MomentReader, ...] = ()
@@ -65,7 +65,7 @@ class _PageProcess:
         self._taker = threading.Thread(target=self._take_moments, name="moments", daemon=True)
 
     def run(self) -> None:
-        """Obey until the robot's process ends."""
+        """Carry out messages until the robot's process ends."""
         self._taker.start()
         try:
             while (message := read_message(self._from_robot)) is not None:
@@ -101,7 +101,7 @@ class _PageProcess:
         with self._lock:
             self._take()
             self._slots = FrameSlots(Path(path), count, slot_bytes)
-            # nobody else needs its name; the memory goes with the two processes
+            # only its name is removed; the memory is freed when both processes have ended
             self._slots.remove()
 
     def _on_forget(self) -> None:
@@ -124,7 +124,7 @@ class _PageProcess:
             self._take()
 
     def _take_moments(self) -> None:
-        silent_since_s, wait_s = time.monotonic(), _LOOK_S
+        silent_since_s, wait_s = time.monotonic(), _POLL_S
         while not self._ended.is_set():
             time.sleep(wait_s)
             with self._lock:
@@ -132,18 +132,18 @@ class _PageProcess:
             silent_s = time.monotonic() - silent_since_s
             if has_taken:
                 silent_since_s += silent_s
-                wait_s = min(max(_EXPECTED_RATIO * silent_s, _LOOK_S), _LOOK_SELDOM_S)
+                wait_s = min(max(_EXPECTED_RATIO * silent_s, _POLL_S), _SLOW_POLL_S)
             else:
-                wait_s = _LOOK_S if silent_s < _SILENT_S else _LOOK_SELDOM_S
+                wait_s = _POLL_S if silent_s < _SILENT_S else _SLOW_POLL_S
 
     def _take(self) -> bool:
-        """Take what waits, if anything does; the lock is held."""
+        """Take the waiting moments, and return whether there were any; the caller holds the lock."""
         slots = self._slots
         if slots is None:
             return False
         taken = slots.take()
         for handed in taken:
-            # one of robots that are shown no more
+            # moments of an earlier set of robots are skipped
             if handed.epoch == self._epoch:
                 moment = self._readers[handed.robot].read(handed.rest, handed.frame)
                 self._feed.put(moment, handed.dropped)
@@ -152,8 +152,8 @@ class _PageProcess:
 
 
 def main() -> None:
-    """Serve the robot's process that started this one."""
-    # Ctrl-C is for the robot's program, whose end ends this one
+    """Run the page's process for the robot's process that started it."""
+    # Ctrl-C is left to the robot's program; this process ends with it
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     import cv2
@@ -162,7 +162,7 @@ def main() -> None:
     if hasattr(os, "nice"):
         os.nice(_NICENESS)
     to_robot = os.fdopen(os.dup(sys.stdout.fileno()), "wb", buffering=0)
-    # what a library prints must not get between the messages
+    # the output of libraries must not mix with the messages
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     _PageProcess(sys.stdin.buffer, to_robot).run()
 

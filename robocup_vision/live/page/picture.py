@@ -1,7 +1,4 @@
-"""Turns a moment into the bytes that a page draws: JSON with all layers, the frame as JPEG, the map as PNG.
-
-Runs in a thread of its own, after the robot has gone on.
-"""
+"""Encodes a moment as the bytes that a page draws: JSON with all layers, the frame as JPEG, the map as PNG."""
 
 from __future__ import annotations
 
@@ -25,13 +22,13 @@ from robocup_vision.mapping.occupancy import FREE, NO_GO
 from robocup_vision.perception.color_table import Colors
 from robocup_vision.view import View
 
-# an ellipse holds 95 % of a normal distribution in the plane
+# an ellipse of this many standard deviations contains 95 % of a normal distribution in the plane
 _ELLIPSE_SIGMAS = 2.448
 # hypotheses less probable than this are not shown
 _MIN_PROBABILITY = 0.02
-# probabilities that differ by no more than rounding
+# probabilities whose relative difference is smaller count as equal: it is due to rounding
 _TIE = 1e-6
-# free floor and no-go of the map, BGRA, over a field in a light or a dark page
+# colours of free and no-go cells of the map, BGRA, visible on light and on dark pages
 _FREE_BGRA, _NO_GO_BGRA = (110, 200, 60, 70), (40, 60, 220, 110)
 # lengths of JSON, JPEG and PNG, little-endian, before the three
 _LENGTHS = struct.Struct("<III")
@@ -39,16 +36,16 @@ _LENGTHS = struct.Struct("<III")
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One moment as a page gets it."""
+    """One moment, encoded for a page."""
 
-    robot: str  #: whose
-    number: int  #: counts the pictures of a robot, from 1
+    robot: str  #: name of the robot
+    number: int  #: number of the picture among those of the robot, from 1
     t_s: float  #: when the frame was taken
     data: bytes  #: lengths of the three parts as little-endian uint32, then JSON, JPEG and PNG (empty without a map)
 
 
 class PictureMaker:
-    """Makes the pictures of one robot, with JPEGs of a quality from 1 to 100."""
+    """Makes the pictures of one robot; `jpeg_quality` is from 1 to 100."""
 
     def __init__(self, setup: RobotSetup, jpeg_quality: int) -> None:
         self.setup = setup
@@ -60,8 +57,8 @@ class PictureMaker:
     def make(self, moment: Moment, dropped: int, with_markings: bool = False) -> Picture:
         """Return the picture of a moment.
 
-        `dropped` frames of this robot were too late to be shown so far. The frame's markings are found if they are
-        wanted.
+        `dropped` is the number of this robot's frames that came too late to be shown. The frame's markings are found
+        only if `with_markings`.
         """
         self._number += 1
         values = {
@@ -92,7 +89,7 @@ class PictureMaker:
 
 
 def split_picture(data: bytes) -> tuple[dict[str, Any], bytes, bytes]:
-    """Return what a picture's data hold: the values, the JPEG, and the PNG of the map, empty without one."""
+    """Split a picture's data into the values, the JPEG, and the PNG of the map, which is empty without a map."""
     json, jpeg, _ = _LENGTHS.unpack_from(data)
     begin = _LENGTHS.size
     values: dict[str, Any] = msgspec.json.decode(data[begin : begin + json])
@@ -100,7 +97,7 @@ def split_picture(data: bytes) -> tuple[dict[str, Any], bytes, bytes]:
 
 
 def describe(moment: Moment, layers: ImageLayerMaker, with_markings: bool = False) -> dict[str, Any]:
-    """Return all that is known of a moment as plain values: metres and radians, pixels of the frame, milliseconds."""
+    """Return a moment as plain values for JSON: metres and radians, pixels of the frame, times in milliseconds."""
     height, width = moment.frame.shape[:2]
     values: dict[str, Any] = {
         "t_s": round(moment.t_s, 4),
@@ -218,7 +215,7 @@ def _estimate(pose: PoseEstimate | NotLocated) -> dict[str, Any]:
 
 
 def _error(view: View, truth: Pose2 | None) -> list[float] | None:
-    """Return metres and radians from the truth to the pose, or to another one that is exactly as probable."""
+    """Return the pose's error, metres and radians; of several equally probable poses the smallest error."""
     belief = view.belief
     known = view.pose if belief is None else belief.pose
     if truth is None or isinstance(known, NotLocated):
@@ -231,7 +228,7 @@ def _error(view: View, truth: Pose2 | None) -> list[float] | None:
 
 
 def _edges(points: EdgePoints | None) -> dict[str, list[float]]:
-    """Return where edges of the field were predicted, by what the frame shows there."""
+    """Return the pixels at which edges of the field were predicted, by whether they are found, hidden or missing."""
     states = (EdgeState.FOUND, EdgeState.HIDDEN, EdgeState.MISSING)
     return {
         state.name.lower(): [] if points is None else _flat(points.pixels[points.state == state]) for state in states
@@ -239,7 +236,7 @@ def _edges(points: EdgePoints | None) -> dict[str, list[float]]:
 
 
 def _ellipse(covariance: FloatArray) -> list[float]:
-    """Return half axes, metres, and the angle of the first, radians, of the ellipse that holds 95 %."""
+    """Return both half axes, metres, and the angle of the first, radians, of the ellipse that contains 95 %."""
     values, vectors = np.linalg.eigh(covariance[:2, :2])
     half = _ELLIPSE_SIGMAS * np.sqrt(np.maximum(values, 0.0))
     return _rounded((half[1], half[0], math.atan2(vectors[1, 1], vectors[0, 1])), 4)
@@ -247,7 +244,7 @@ def _ellipse(covariance: FloatArray) -> list[float]:
 
 @lru_cache(maxsize=8)
 def _swatches(colors: Colors) -> list[list[str]]:
-    """Return class names and what their colours look like in this light, as ``#rrggbb``."""
+    """Return the names of the colour classes and their colours in the present light, as ``#rrggbb``."""
     floor = colors.floor
     lit = floor.lit
     # the level is (R + 2 G + B) / 4
@@ -259,7 +256,7 @@ def _swatches(colors: Colors) -> list[list[str]]:
 
 
 def _hex(red_ratio: float, blue_ratio: float, green: float | None) -> str:
-    """Return a colour by its ratios to green; without a level as bright as can be shown."""
+    """Return the colour with these ratios to green; without a green value it is as bright as possible."""
     rgb = np.array([red_ratio, 1.0, blue_ratio])
     rgb *= 235.0 / rgb.max() if green is None else green
     return "#" + "".join(f"{round(float(value)):02x}" for value in np.clip(rgb, 0, 255))

@@ -1,4 +1,4 @@
-"""Writes one moment as a dataset of one image, so that it can be looked at again: `robocup-vision evaluate FOLDER`."""
+"""Writes one moment as a dataset of one image, to be evaluated again with `robocup-vision evaluate FOLDER`."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from robocup_vision.live.page.picture import split_picture
 from robocup_vision.localization.methods import METHODS
 from robocup_vision.perception.color_table import save_colors
 
-# names that are tried for a new folder
+# largest number of names tried for a new folder
 _MAX_FOLDERS = 10_000
 
 
 def save_moment(out: Path, setup: RobotSetup, moment: Moment) -> Path:
-    """Write image, time, camera, colours and known truth of a moment as a dataset into a new folder; return the folder.
+    """Write a moment's image, time, camera, colours and truth (if known) as a dataset; return its new folder.
 
     Raises
     ------
     ArgumentError
-        If the robot has no camera file, or its field is no built-in one.
+        If the robot has no camera file, or its field is not a built-in one.
     FileError
         If it cannot be written.
     """
@@ -64,10 +64,10 @@ def save_moment(out: Path, setup: RobotSetup, moment: Moment) -> Path:
 
 
 def save_from(feed: Feed, robot: str, number: int, out: Path) -> None:
-    """Write a picture's moment as a dataset, in a thread, and say in the pages where it is, or why it is not.
+    """Write a picture's moment as a dataset, in a thread, and report the folder or the problem in the pages.
 
-    The frame is written as it came while the feed keeps it, and else as the JPEG that the page shows. Raises
-    ArgumentError if that is not kept any more either.
+    The original frame is written if the feed still keeps it, else the JPEG that the page shows. Raises ArgumentError if
+    neither is kept any more.
     """
     setup = next((setup for setup in feed.setups if setup.name == robot), None)
     moment, note = feed.raw(robot, number), ""
@@ -93,7 +93,7 @@ def save_from(feed: Feed, robot: str, number: int, out: Path) -> None:
 
 
 def new_folder(out: Path, name: str) -> Path:
-    """Make the first folder of ``name_000``, ``name_001`` ... that is not there; return it."""
+    """Make the first folder of ``name_000``, ``name_001`` ... that does not exist; return it."""
     out.mkdir(parents=True, exist_ok=True)
     for number in range(_MAX_FOLDERS):
         folder = out / f"{name}_{number:03d}"

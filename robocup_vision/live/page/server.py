@@ -1,7 +1,7 @@
-"""Serves the page on this machine: its few files, and one WebSocket for each page that is open.
+"""Serves the page on this machine: its few files, and one WebSocket for each open page.
 
-Needs the extra `live` (starlette, uvicorn), which is imported only when a page is served. Only pages that came from
-here are let in: a page of another origin, and a name that was pointed at this machine, are refused.
+It needs the extra `live` (starlette, uvicorn), which is imported only when a page is served. Only pages from this
+server are accepted: pages of another origin, and host names that were rebound to this machine, are refused.
 """
 
 from __future__ import annotations
@@ -32,27 +32,27 @@ if TYPE_CHECKING:
     from starlette.requests import HTTPConnection
     from starlette.websockets import WebSocket
 
-# of the page's files by suffix; a browser runs none of another type
+# media types of the page's files by suffix; a browser does not run a file of another type
 _MEDIA_TYPES = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 _PAGE = "page.html"
-# the page's own scripts and styles run, and nothing from elsewhere
+# only the page's own scripts and styles may run
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src data: blob:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-# pages at a time, and messages in a row that cannot be read, before a page is sent away
+# greatest numbers of open pages, and of unreadable messages of a page before it is disconnected
 MAX_PAGES, MAX_BAD_MESSAGES = 8, 10
-# a page gets a sign of life when nothing is new, so that it can tell a silent source from a lost connection
-_SIGN_OF_LIFE_S = 1.0
-# codes of the WebSocket protocol (RFC 6455, 7.4.1): against the rules; try again later
-_AGAINST_RULES, _TRY_LATER = 1008, 1013
+# time without news after which a page gets a keep-alive, which distinguishes a silent source from a lost connection
+_KEEP_ALIVE_S = 1.0
+# status codes of the WebSocket protocol (RFC 6455, 7.4.1)
+_POLICY_VIOLATION, _TRY_LATER = 1008, 1013
 _START_S, _STOP_S = 10.0, 5.0
 
 
 class PageServer:
     """Serves pages in a thread of its own, from `start` until `close`.
 
-    With another host than the loopback's everybody in that network can watch and use the controls.
+    With a host other than the loopback, anyone in that network can watch and use the controls.
     """
 
     def __init__(self, feed: Feed, controls: Controls, port: int, host: str = LOOPBACK) -> None:
@@ -71,7 +71,7 @@ class PageServer:
 
     @property
     def address(self) -> str:
-        """Where the page is."""
+        """URL of the page."""
         host = LOOPBACK if self.host in ("0.0.0.0", "::") else self.host
         return f"http://{f'[{host}]' if ':' in host else host}:{self.port}/"
 
@@ -81,9 +81,9 @@ class PageServer:
         return not ipaddress.ip_address(self.host).is_loopback
 
     def start(self) -> None:
-        """Begin to serve; return when pages can come.
+        """Start serving; return when pages can connect.
 
-        Raises RobocupVisionError if that takes more than some seconds.
+        Raises RobocupVisionError if that takes more than ten seconds.
         """
         import uvicorn
 
@@ -112,7 +112,7 @@ class PageServer:
         asyncio.run(server.serve(sockets=[self._socket]))
 
     def close(self) -> None:
-        """Send all pages away and end."""
+        """Disconnect all pages and end the thread."""
         if self._server is not None:
             self._server.should_exit = True
         if self._thread is not None:
@@ -121,7 +121,7 @@ class PageServer:
 
 
 def allowed_hosts(host: str, port: int) -> frozenset[str] | None:
-    """Return the names under which pages may ask; None: any, as everybody may watch."""
+    """Return the accepted ``Host`` headers; None: any, since a public page is open to all."""
     if not ipaddress.ip_address(host).is_loopback:
         return None
     own = f"[{host}]" if ":" in host else host
@@ -129,7 +129,7 @@ def allowed_hosts(host: str, port: int) -> frozenset[str] | None:
 
 
 def make_app(feed: Feed, controls: Controls, hosts: frozenset[str] | None) -> Starlette:
-    """Return the ASGI application, which answers these ``Host`` headers; None: any."""
+    """Return the ASGI application, which answers requests with these ``Host`` headers; None: any."""
     from starlette.applications import Starlette
     from starlette.responses import PlainTextResponse, Response
     from starlette.routing import Route, WebSocketRoute
@@ -177,7 +177,7 @@ class _Pages:
 
     @contextmanager
     def open(self) -> Iterator[None]:
-        """Let the feed wake the pages of the event loop that runs now."""
+        """Let the feed's news wake the pages, which run in the present event loop."""
         loop = asyncio.get_running_loop()
 
         def wake() -> None:
@@ -196,7 +196,7 @@ class _Pages:
         return self._hosts is None or connection.headers.get("host", "") in self._hosts
 
     def _is_own_page(self, socket: WebSocket) -> bool:
-        """Whether the page that asks came from here. Programs that are no browser send no origin."""
+        """Whether a request is from a page of this server. Programs other than browsers send no origin."""
         origin = socket.headers.get("origin")
         return self.is_expected_host(socket) and (origin is None or origin == f"http://{socket.headers.get('host')}")
 
@@ -205,8 +205,8 @@ class _Pages:
         import anyio
 
         if not self._is_own_page(socket):
-            # before it is accepted: the browser gets a 403
-            await socket.close(_AGAINST_RULES)
+            # the connection is not yet accepted: the browser gets a 403
+            await socket.close(_POLICY_VIOLATION)
             return
         await socket.accept()
         if len(self._news) >= MAX_PAGES:
@@ -224,7 +224,7 @@ class _Pages:
             link.close()
 
     async def _until_it_ends(self, work: Coroutine[None, None, None], scope: anyio.CancelScope) -> None:
-        """Do one half of the work for a page; when it ends, the other half is ended, too."""
+        """Run the sending or the receiving half of a page's connection; when it ends, cancel the other half."""
         try:
             await work
         except Exception as error:
@@ -241,7 +241,7 @@ class _Pages:
                 else:
                     await socket.send_text(msgspec.json.encode(item).decode())
             try:
-                await asyncio.wait_for(news.wait(), _SIGN_OF_LIFE_S)
+                await asyncio.wait_for(news.wait(), _KEEP_ALIVE_S)
             except (asyncio.TimeoutError, TimeoutError):
                 await socket.send_text('{"type":"alive"}')
 
@@ -263,7 +263,7 @@ async def _receive(socket: WebSocket, link: PageLink, news: asyncio.Event) -> No
             bad += isinstance(error, PacketError)
             await socket.send_text(msgspec.json.encode({"type": "refused", "reason": str(error)}).decode())
             if bad >= MAX_BAD_MESSAGES:
-                await socket.close(_AGAINST_RULES, "too many messages that cannot be read")
+                await socket.close(_POLICY_VIOLATION, "too many messages that cannot be read")
                 return
         news.set()
 
@@ -271,7 +271,7 @@ async def _receive(socket: WebSocket, link: PageLink, news: asyncio.Event) -> No
 def _has_left(error: Exception) -> bool:
     from starlette.websockets import WebSocketDisconnect
 
-    # sending to a page that has just left
+    # a RuntimeError comes from sending to a page that has just left
     return isinstance(error, WebSocketDisconnect | RuntimeError | ConnectionError)
 
 

@@ -1,1 +1,1 @@
-"""Where frames come from: cameras and streams, videos, folders of images, recordings; other packages add theirs."""
+"""Sources of frames: cameras and streams, videos, folders of images, recordings; other packages can add theirs."""

@@ -1,7 +1,7 @@
-"""Cameras, streams and videos, by OpenCV.
+"""Reads cameras, streams and videos with OpenCV.
 
-A camera is read by a thread of its own, so that the newest frame is at hand, and a camera that hangs or was unplugged
-hangs nothing else. It is opened again until it is back. A video stands still while nobody reads.
+A camera is read by a thread of its own, so that the newest frame is always available, and a camera that hangs or was
+unplugged does not block the program. It is opened again until it is back. A video waits while it is not read.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ from robocup_vision.live.sources.source import (
 )
 from robocup_vision.vision import Vision
 
-# a camera that is gone is looked for as often as this
+# period at which a lost camera is opened again
 _AGAIN_S = 1.0
-# of a video that does not say how fast it is
+# rate of a video that does not specify one
 _USUAL_RATE_HZ = 30.0
 _CLOSE_S = 2.0
 
 
 class Capture(Protocol):
-    """What is used of `cv2.VideoCapture`."""
+    """The used part of `cv2.VideoCapture`."""
 
     def isOpened(self) -> bool:
         """Whether it can be read."""
@@ -48,12 +48,12 @@ class Capture(Protocol):
         ...
 
     def release(self) -> None:
-        """Let go of the device."""
+        """Release the device."""
         ...
 
 
 class CameraSource(Source):
-    """A camera or a stream: frames come by themselves. Raises RobocupVisionError if it cannot be opened."""
+    """A camera or a stream, which sets the rate of frames. Raises RobocupVisionError if it cannot be opened."""
 
     waits = False
 
@@ -90,7 +90,7 @@ class CameraSource(Source):
         return (SourceFrame(self.name, checked_frame(frame), t_s),)
 
     def close(self) -> None:
-        """Let go of the camera."""
+        """Release the camera."""
         self._newest.close()
         self._thread.join(_CLOSE_S)
 
@@ -110,9 +110,9 @@ class CameraSource(Source):
 
 
 class VideoSource(Source):
-    """A video file, at its own rate; it cannot go to a time, which is not exact in most containers.
+    """A video file, at its own rate; seeking is not offered, because it is not exact in most containers.
 
-    Raises FileError if it is no video that can be read.
+    Raises FileError if the file is not a video that can be read.
     """
 
     waits = True
@@ -143,7 +143,7 @@ class VideoSource(Source):
         return (SourceFrame(self.name, checked_frame(frame), t_s),)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._capture.release()
 
 

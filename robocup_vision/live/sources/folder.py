@@ -1,4 +1,4 @@
-"""A folder of images, or a dataset: with its own field, camera, colours, times and odometry."""
+"""Frames from a folder of images, or from a dataset with its own field, camera, colours, times and odometry."""
 
 from __future__ import annotations
 
@@ -20,15 +20,14 @@ from robocup_vision.live.sources.source import (
 )
 from robocup_vision.vision import Vision
 
-# images without times are shown at this rate: slow enough to see each
+# rate of images without times, slow enough to see each
 _IMAGES_HZ = 2.0
 
 
 class FolderSource(Source):
-    """Images of a folder in the order of their names; of a dataset, as its ``dataset.toml`` says.
+    """Images of a folder in the order of their names, or of a dataset by its ``dataset.toml``.
 
-    The options go before what the dataset says. Raises FileError or ArgumentError if its files are wrong, or nothing
-    says on which field it is.
+    The options take precedence over the dataset. Raises FileError or ArgumentError if its files or the field are wrong.
     """
 
     waits = True
@@ -63,7 +62,7 @@ class FolderSource(Source):
         self._unused: Pose2 | None = Pose2(0.0, 0.0, 0.0)
 
     def make_vision(self, setup: RobotSetup) -> Vision | None:
-        """Return what looks at the images."""
+        """Return the vision for the images."""
         dataset, options = self._dataset, self._options
         if dataset is None:
             return vision_by_options(setup, options, has_odometry=False)
@@ -92,12 +91,12 @@ class FolderSource(Source):
         return (SourceFrame(self.name, frame, self._t_s[index], odometry, mounting, alone=alone, truth=truth),)
 
     def seek(self, t_s: float) -> None:
-        """Go to the last image that is not later than a time."""
+        """Go to the last image at or before a time."""
         self._next = max(0, bisect.bisect_right(self._t_s, t_s + 1e-6) - 1)
         self._unused = None
 
     def _motion(self, index: int) -> Pose2 | None:
-        """Return the motion since the last image that could be read, and remember it in case this one cannot."""
+        """Return the motion since the last image that could be read, and keep it in case this one cannot."""
         times = None if self._dataset is None else self._dataset.times
         step = None if times is None else times[self._paths[index].name].odometry
         self._unused = None if step is None or self._unused is None else self._unused.compose(step)

@@ -1,4 +1,4 @@
-"""Finds out what a source's name on the command line means, and opens it."""
+"""Opens the source that a text on the command line names."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from field_models.errors import ArgumentError, FileError
 from robocup_vision.files.images import IMAGE_SUFFIXES
 from robocup_vision.live.sources.source import Source, SourceOptions
 
-# packages register functions of a source's text after "NAME:" and the options
+# packages register functions of the text after "NAME:" and the options, which return a source
 GROUP = "robocup_vision.live_sources"
 RECORDING_SUFFIX = ".mcap"
 
@@ -66,7 +66,7 @@ def _opener(kind: str) -> Callable[[str, SourceOptions], Source]:
 
 
 def recordings_in(folder: Path) -> tuple[str, ...]:
-    """Return the names of the recordings that lie in a folder itself; links that lead out of it are none."""
+    """Return the names of the recordings directly in a folder; links that lead out of it are ignored."""
     inside = folder.resolve()
     return tuple(
         sorted(

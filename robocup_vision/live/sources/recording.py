@@ -1,4 +1,4 @@
-"""A recording: its frames looked at again with the settings that ran, beside what was commanded and the truth."""
+"""Frames from a recording, processed again with the run's settings, and shown with the commands and the truth."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from robocup_vision.perception.color_table import load_colors
 from robocup_vision.recording.recording import RecordedFrame, Recording
 from robocup_vision.vision import Vision
 
-# truth and commands belong to a frame that is as old as this at most
+# a command belongs to a frame if it was given within this time after it
 _BESIDE_S = 0.2
 
 T = TypeVar("T")
 
 
 class RecordingSource(Source):
-    """A recording; times count from its beginning. The options go before what is recorded.
+    """A recording; times count from its beginning. The options take precedence over the recorded settings.
 
-    Raises FileError if it is no recording that can be read, or holds no frame.
+    Raises FileError if it is not a recording that can be read, or has no frames.
     """
 
     waits = True
@@ -50,7 +50,7 @@ class RecordingSource(Source):
         self._frames: Iterator[RecordedFrame] = self._recording.frames()
 
     def make_vision(self, setup: RobotSetup) -> Vision | None:
-        """Return what looks at the frames: as it was, but for the options."""
+        """Return the vision for the frames: as in the run, except for the options."""
         run, options = self._recording.run, self._options
         camera = setup.camera
         assert camera is not None
@@ -83,11 +83,11 @@ class RecordingSource(Source):
         )
 
     def seek(self, t_s: float) -> None:
-        """Go to the first frame that is not earlier than a time."""
+        """Go to the first frame at or after a time."""
         self._frames = self._recording.frames(from_s=self._begin_s + t_s)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._frames = iter(())
 
 

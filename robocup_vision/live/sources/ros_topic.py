@@ -1,7 +1,7 @@
 """An image topic of ROS 2 as a source of frames: ``ros:/camera/image_raw[,odometry=/odom]``.
 
-`TopicSource` needs no ROS: messages come in by its methods. `_Listener` alone imports rclpy; it follows the types that
-are published, so that raw and compressed topics need no option, and a topic of another type is said to be one.
+`TopicSource` needs no ROS: messages come in by its methods. Only `_Listener` imports rclpy. It watches the types that
+are published, so that raw and compressed topics need no option, and a topic of a wrong type is reported.
 """
 
 from __future__ import annotations
@@ -33,31 +33,32 @@ from robocup_vision.vision import Vision
 
 ODOMETRY_TYPES = ("nav_msgs/msg/Odometry",)
 _NODE_NAME = "robocup_vision_live"
-# a camera's stamps may come a little out of order; farther back a bag was begun anew
+# stamps may be slightly out of order; if time goes back by more than this, a bag was restarted
 _BACK_S = 1.0
-# how often the types that are published are looked at
+# time between two checks of the types that are published
 _WATCH_S = 0.5
 _CLOSE_S = 2.0
 
 
 class Subscriber(Protocol):
-    """What listens to topics until it is closed."""
+    """A subscription to topics that can be closed."""
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         ...
 
 
 Handler = Callable[[Any, float], None]
-# listens to topics of some types with handlers of messages, and says what is wrong with a topic (empty: nothing)
+# Subscribes to topics; arguments: by topic its accepted types and the handler of its messages, and a callback that
+# receives a topic and its problem (empty: none).
 Listen = Callable[[Mapping[str, tuple[tuple[str, ...], Handler]], Callable[[str, str], None]], Subscriber]
 
 
 class TopicSource(Source):
-    """Frames of a topic of Image or CompressedImage; the newest counts.
+    """Gives the newest frame of a topic of Image or CompressedImage.
 
-    Without a topic of Odometry nothing tells how the robot moves. `listen` begins to listen; default: by rclpy. Raises
-    RobocupVisionError if that is not installed, or an option is wrong.
+    Without a topic of Odometry the robot's motion is unknown. `listen` subscribes to the topics; by default it uses
+    rclpy. Raises RobocupVisionError if rclpy is not installed, or an option is wrong.
     """
 
     waits = False
@@ -81,21 +82,21 @@ class TopicSource(Source):
         self._listener = (listen or _Listener)(topics, self._on_problem)
 
     def make_vision(self, setup: RobotSetup) -> Vision | None:
-        """Return what looks at the frames."""
+        """Return the `Vision` for the frames; see `Source.make_vision`."""
         return vision_by_options(setup, self._options, has_odometry=self._has_odometry)
 
     def on_image(self, message: Any, now_s: float) -> None:
-        """Take an Image or CompressedImage; the clock stands in for a stamp that is zero."""
+        """Take in an Image or CompressedImage; the clock's time `now_s` replaces a stamp that is zero."""
         self._note(self.name, "")
         self._newest.put((message, time_of(message, now_s), self._odometry))
 
     def on_odometry(self, message: Any, now_s: float) -> None:
-        """Take a nav_msgs/Odometry; one whose pose is none is left out."""
+        """Take in a nav_msgs/Odometry; one with an invalid pose is ignored."""
         with suppress(PacketError):
             self._odometry = pose_of(message.pose.pose)
 
     def read(self, timeout_s: float) -> tuple[SourceFrame, ...] | None:
-        """Return the newest frame, if there is one that has not been read; raises as `Source.read`."""
+        """Return the newest frame if it has not been read yet; raises as `Source.read`."""
         newest = self._newest.take(timeout_s)
         if newest is None:
             return None if self._newest.is_closed else ()
@@ -109,19 +110,19 @@ class TopicSource(Source):
         return (SourceFrame(self.name, frame, t_s, motion, alone=is_new),)
 
     def _time_of(self, stamp_s: float) -> tuple[float, bool]:
-        """Return the time since the first frame, and whether nothing before has to do with it: time went back."""
+        """Return the time since the first frame, and whether the stamps have jumped back, so that a new run begins."""
         if self._first_s is None:
             self._first_s = stamp_s
         t_s = stamp_s - self._first_s
         goes_back = t_s < self._last_s - _BACK_S
         if goes_back:
-            # the page's own time goes on
+            # the page's own time does not jump back
             self._first_s, t_s = stamp_s - self._last_s, self._last_s
         self._last_s = max(self._last_s, t_s)
         return self._last_s, goes_back
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         self._newest.close()
         self._listener.close()
 
@@ -137,7 +138,7 @@ class TopicSource(Source):
 def open_topic(text: str, options: SourceOptions) -> TopicSource:
     """Open ``/camera/image_raw[,odometry=/odom]``.
 
-    Raises ArgumentError if the text is another; else as `TopicSource`.
+    Raises ArgumentError if the text has another form; otherwise as `TopicSource`.
     """
     image_topic, *rest = text.split(",")
     odometry_topic = None
@@ -152,7 +153,7 @@ def open_topic(text: str, options: SourceOptions) -> TopicSource:
 
 
 class _Listener(Closing):
-    """Listens to topics by rclpy, in a context and a thread of its own."""
+    """Subscribes to topics by rclpy, in its own context and thread."""
 
     def __init__(
         self, topics: Mapping[str, tuple[tuple[str, ...], Handler]], on_problem: Callable[[str, str], None]
@@ -173,7 +174,7 @@ class _Listener(Closing):
         self._thread.start()
 
     def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         # a context that has been shut down ends the thread
         self._context.try_shutdown()
         self._thread.join(_CLOSE_S)
@@ -189,7 +190,7 @@ class _Listener(Closing):
                 self._executor.spin_once(timeout_sec=_WATCH_S)
 
     def _watch(self) -> None:
-        """Listen to what is published now."""
+        """Subscribe to the topics by the types that are published now, and report problems."""
         published = dict(self._node.get_topic_names_and_types())
         for topic, (wanted, handler) in self._topics.items():
             full = self._node.resolve_topic_name(topic)
@@ -203,7 +204,7 @@ class _Listener(Closing):
                 self._on_problem(topic, self._subscribe(topic, kind, handler))
 
     def _subscribe(self, topic: str, kind: str, handler: Handler) -> str:
-        # the newest image alone: what waits is old
+        # only the newest image is of interest
         depth = 1 if kind in IMAGE_TYPES else 50
         try:
             subscription = subscribe(

@@ -1,4 +1,4 @@
-"""What every source of frames has in common, so that the loop need not know where frames come from."""
+"""The common interface of all sources of frames, so that the loop does not depend on where frames come from."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from robocup_vision.vision import Vision
 
 # window of the measurement, seconds
 _WINDOW_S = 2.0
-# a camera's rate varies with the light by less than this factor; a lost half of the frames is more
+# factor of the rate from which a change is reported: light changes a camera's rate by less, losing half the frames more
 _CHANGED = 1.5
 
 
@@ -34,29 +34,29 @@ class SourceFrame:
     Parameters
     ----------
     robot : str
-        Whose.
+        Name of the robot.
     frame : (H, W, 3) uint8
-        BGR. Nobody writes to it any more.
+        BGR; must not be changed any more.
     t_s : float
-        When it was taken.
+        Time of the frame.
     odometry : Pose2 or None
-        Motion since the frame before, in the robot frame of then; None: not known.
+        Motion since the frame before, in the robot frame at that time; None: not known.
     mounting : Mounting or None
-        How a head held the camera; None: as the camera file says.
+        Mounting of the camera on a head; None: as in the camera file.
     prior : PoseEstimate, Pose2 or None
-        Where the robot probably is, beside what a memory knows.
+        Probable pose of the robot, in addition to a memory's knowledge.
     alone : bool
-        It has nothing to do with the frame before: nothing learnt from that one is used.
+        Whether the frame is independent of the frame before, so that nothing learnt from that one is used.
     view : View or None
-        What the robot itself saw in it; None: it is to be looked at.
+        The robot's own view of the frame; None: the loop must compute one.
     colors : Colors or None
-        That the robot itself used.
+        The colours that the robot itself used.
     plan : RobotPlan
         What the robot is about to do.
     truth : Pose2 or None
-        Where it really was.
+        The robot's true pose.
     world : TrueWorld or None
-        Where everything was in a simulation.
+        The true state of a simulation.
     """
 
     robot: str
@@ -75,20 +75,20 @@ class SourceFrame:
 
 @dataclass(frozen=True, slots=True)
 class SourceOptions:
-    """What the user said beside the source's name; a source that knows better by itself is told by it otherwise.
+    """The user's options for a source; they override what the source itself contains.
 
     Parameters
     ----------
     field : str or None
-        Built-in field's name, or a field file.
+        Name of a built-in field, or a field file.
     camera : str or None
         Camera file.
     colors : str or None
         Colour file.
     method : str or None
-        The method of the pose.
+        The method of localisation.
     memory : bool
-        Join what the frames show.
+        Whether a memory combines the frames.
     """
 
     field: str | None = None
@@ -99,16 +99,16 @@ class SourceOptions:
 
 
 class Source(Protocol):
-    """Gives frames, one moment after the other; one thread reads, another one may close."""
+    """Gives frames, one moment after the other; one thread reads, another one may close it."""
 
-    name: str  #: what the page calls it
+    name: str  #: its name on the page
     setups: tuple[RobotSetup, ...]  #: the robots whose frames it gives
-    waits: bool  #: whether it stands still while nobody reads, as a file does; else frames come, and the newest counts
-    duration_s: float | None = None  #: times from 0 to this can be gone to by `seek`; None: none can
+    waits: bool  #: whether it waits for its reader, as a file does; otherwise frames come live, and the newest is read
+    duration_s: float | None = None  #: `seek` takes times from 0 to this; None: it cannot seek
     problem: str = ""  #: why no frames come; empty while they do
 
     def make_vision(self, setup: RobotSetup) -> Vision | None:
-        """Return what looks at a robot's frames; None where its frames come with views, or it has no camera file."""
+        """Return the `Vision` for a robot's frames; None if the frames have views, or the robot has no camera file."""
         ...
 
     def read(self, timeout_s: float) -> tuple[SourceFrame, ...] | None:
@@ -117,38 +117,38 @@ class Source(Protocol):
         Raises
         ------
         FrameError
-            If a frame is damaged: the next may be good.
+            If a frame is damaged; the next one may be usable.
         """
         ...
 
     def seek(self, t_s: float) -> None:
-        """Go to the last frame that is not later than a time.
+        """Seek to the last frame that is not later than a time.
 
         Raises
         ------
         ArgumentError
-            If it cannot go to a time.
+            If the source cannot seek.
         """
         raise ArgumentError(f"{self.name} cannot go to a time")
 
     def close(self) -> None:
-        """Let go of files and devices."""
+        """Release files and devices."""
         return
 
 
 @runtime_checkable
 class PlacingSource(Source, Protocol):
-    """A simulation, in which robots and the ball can be put elsewhere between two reads."""
+    """A simulation, in which robots and the ball can be moved between two reads."""
 
     def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
-        """Put something elsewhere.
+        """Move an object to a place in the field frame.
 
         Parameters
         ----------
         thing : str
             "ball", or a robot's name.
         theta_rad : float or None
-            A robot's heading; None: as it is.
+            A robot's heading; None: unchanged.
 
         Raises
         ------
@@ -168,7 +168,7 @@ def setup_by_options(name: str, options: SourceOptions) -> RobotSetup:
 
 
 def vision_by_options(setup: RobotSetup, options: SourceOptions, *, has_odometry: bool) -> Vision | None:
-    """Return what looks at a robot's frames; None without a camera file. Raises as `memory_for`."""
+    """Return the `Vision` for a robot's frames; None without a camera file. Raises as `memory_for`."""
     if setup.camera is None:
         return None
     memory = memory_for(setup, setup.camera, has_odometry=has_odometry) if options.memory else None
@@ -177,9 +177,9 @@ def vision_by_options(setup: RobotSetup, options: SourceOptions, *, has_odometry
 
 
 def memory_for(setup: RobotSetup, camera: OmniCamera | PinholeCamera, *, has_odometry: bool) -> Memory:
-    """Return a memory of everything that goes by odometry, or where there is none by the motion between views.
+    """Return a memory of everything that predicts by odometry or, without odometry, by ego-motion.
 
-    Raises ArgumentError if neither tells how the robot moves.
+    Raises ArgumentError if there is neither.
     """
     memory = Memory.of_everything(setup.field)
     if not has_odometry:
@@ -195,7 +195,7 @@ T = TypeVar("T")
 
 
 class Newest(Generic[T]):
-    """Holds one value: a newer one takes its place, and it is taken once. Safe to use from several threads."""
+    """Holds one value, which a newer one replaces and which can be taken once. Safe to use from several threads."""
 
     def __init__(self) -> None:
         self._news = threading.Condition()
@@ -204,29 +204,29 @@ class Newest(Generic[T]):
 
     @property
     def is_closed(self) -> bool:
-        """Whether nothing is to come any more."""
+        """Whether it is closed, so that no more values come."""
         return self._is_closed
 
     def put(self, value: T) -> None:
-        """Put a value in the place of the one that waits, if one does."""
+        """Put a value, replacing one that has not been taken."""
         with self._news:
             self._value = value
             self._news.notify_all()
 
     def take(self, timeout_s: float) -> T | None:
-        """Return the value that waits, or the first that comes in time; None if none does, or it is closed."""
+        """Take the present value, or the first that comes in time; None if none does, or it is closed."""
         with self._news:
             self._news.wait_for(lambda: self._value is not None or self._is_closed, timeout_s)
             value, self._value = self._value, None
             return None if self._is_closed else value
 
     def wait_until_closed(self, timeout_s: float) -> None:
-        """Wait, but no longer than until it is closed."""
+        """Wait for a time, or until it is closed."""
         with self._news:
             self._news.wait_for(lambda: self._is_closed, timeout_s)
 
     def close(self) -> None:
-        """Let nobody wait any more."""
+        """Close it, and end all waiting."""
         with self._news:
             self._is_closed = True
             self._news.notify_all()
@@ -241,13 +241,13 @@ class FrameRate:
 
     @property
     def rate_hz(self) -> float | None:
-        """Frames a second over the last two seconds; None before there are three frames."""
+        """Frames per second over the last two seconds; None before there are three frames."""
         if len(self._times) < 3 or self._times[-1] <= self._times[0]:
             return None
         return round((len(self._times) - 1) / (self._times[-1] - self._times[0]), 2)
 
     def add(self, t_s: float) -> tuple[float, float] | None:
-        """Take a frame's time; return the rates before and now, once for each change that has lasted two seconds."""
+        """Add a frame's time; return the rates before and now, once for each change that has lasted two seconds."""
         if self._times and t_s <= self._times[-1]:
             self.forget()
         self._times.append(t_s)
@@ -259,7 +259,7 @@ class FrameRate:
         usual, self._usual = self._usual, self._usual or rate
         if usual is None or 1 / _CHANGED < rate / usual < _CHANGED:
             return None
-        # told once the window holds the new rate alone: else the change would be told in two halves
+        # report only when the whole window has the new rate: otherwise one change would be reported in two steps
         half = [t for t in self._times if t > t_s - _WINDOW_S / 2]
         if len(half) < 2 or not 0.8 < (len(half) - 1) / (half[-1] - half[0]) / rate < 1.25:
             return None
@@ -267,6 +267,6 @@ class FrameRate:
         return usual, rate
 
     def forget(self) -> None:
-        """Begin anew: the source has gone to another time."""
+        """Forget all times, because the source has jumped to another time."""
         self._times.clear()
         self._usual = None

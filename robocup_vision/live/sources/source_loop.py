@@ -1,6 +1,6 @@
-"""Reads one source, looks at its frames, and hands what was seen to the pages, at the pace of a clock.
+"""Reads one source, looks at its frames, and hands the views to the pages, at the pace of a clock.
 
-Whatever is wrong with the source is said once, in the pages and by one line, and the loop goes on where it can.
+A problem of the source is reported once, on the pages and in one line of text; the loop continues where it can.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from robocup_vision.vision import Vision
 
 # a source without a frame for this time has stalled
 _STALL_S = 1.5
-_READ_S = 0.2
-# length of a recording after which a robot's memory and colours have settled
+_READ_S = 0.2  # longest wait for a frame, after which orders are looked at again
+# length of a recording after which a robot's memory and colours have converged
 _WARM_UP_S = 2.0
-# a clock that is further behind than this is set anew: a slow machine then shows all frames, slower
+# if the loop is later than this, its clock is reset, so that a slow machine shows all frames, more slowly
 _BEHIND_S = 0.5
 
 Watcher = Callable[[SourceFrame, Moment], None]
@@ -28,7 +28,7 @@ Watcher = Callable[[SourceFrame, Moment], None]
 
 @dataclass(slots=True)
 class _Orders:
-    """What the page's thread asks for; guarded by the loop's condition."""
+    """The orders of the page's thread; guarded by the loop's condition."""
 
     paused: bool = False
     steps: int = 0
@@ -43,16 +43,18 @@ class SourceLoop:
     Parameters
     ----------
     display : Display
-        What shows the frames; knows the source's robots already.
+        Shows the frames; it must know the source's robots already.
     watch : callable
-        Is called in the loop's thread for each frame with what came and what is shown: recording and calibration.
+        Called in the loop's thread with each frame and what is shown of it, for recording and calibration.
+    say : callable
+        Called with each line of text about the source.
     tell_run : callable
-        Is called when `problem` or `ended` has changed.
+        Called when `problem` or `ended` has changed.
 
     Raises
     ------
     RobocupVisionError
-        If the source's robots cannot be looked for as was asked.
+        If the `Vision` of one of the source's robots cannot be made.
     """
 
     def __init__(
@@ -71,50 +73,50 @@ class SourceLoop:
 
     @property
     def problem(self) -> str:
-        """What is wrong now; empty if nothing is."""
+        """The present problem; empty if there is none."""
         return next((text for text in tuple(self._last_problem.values()) if text), "")
 
     def start(self, *, seek_s: float | None = None) -> None:
-        """Begin; with a time to go there and stand still."""
+        """Start the thread; with a time, seek to it and pause there."""
         if seek_s is not None:
             self._orders.seek_s, self._orders.paused = seek_s, True
         self._thread.start()
 
     def vision(self, robot: str) -> Vision | None:
-        """Return what looks at a robot's frames."""
+        """Return the `Vision` that looks at a robot's frames; None: the source brings its own views."""
         return self._visions[robot]
 
     def use_setup(self, setup: RobotSetup, vision: Vision) -> None:
-        """Look at a robot's frames with another `Vision` from now on: its camera has been calibrated."""
+        """Replace a robot's `Vision`, after its camera has been calibrated."""
         self._visions[setup.name] = vision
 
     def pause(self, on: bool) -> None:
-        """Stand still, or go on."""
+        """Pause, or continue."""
         with self._news:
             self._orders.paused, self._orders.steps = on, 0
             self._news.notify_all()
 
     def step(self) -> None:
-        """Take one more frame while standing still."""
+        """Show one more frame while paused."""
         with self._news:
             self._orders.steps += 1
             self._news.notify_all()
 
     def seek(self, t_s: float) -> None:
-        """Go to a time, and stand still there."""
+        """Seek to a time, and pause there."""
         with self._news:
             self._orders.seek_s, self._orders.paused, self._orders.steps = t_s, True, 0
             self._news.notify_all()
 
     def place(self, thing: str, x_m: float, y_m: float, theta_rad: float | None) -> None:
-        """Put something elsewhere before the next frame, which is taken even while standing still."""
+        """Move an object before the next frame, which is taken even while paused."""
         with self._news:
             self._orders.places.append((thing, x_m, y_m, theta_rad))
             self._orders.steps += self._orders.paused
             self._news.notify_all()
 
     def close(self) -> None:
-        """End the loop, and let go of the source."""
+        """End the loop, and close the source."""
         with self._news:
             self._orders.stop = True
             self._news.notify_all()
@@ -127,7 +129,7 @@ class SourceLoop:
             self._loop()
         except Exception as error:  # a bug of one source must not end the page silently
             self.ended = True
-            self._trouble("", f"ended: {type(error).__name__}: {error}")
+            self._set_problem("", f"ended: {type(error).__name__}: {error}")
 
     def _loop(self) -> None:
         clock = _Clock(self._news, self._orders)
@@ -148,29 +150,29 @@ class SourceLoop:
             if not frames:
                 silent_s = time.monotonic() - silent_since_s
                 if silent_s > _STALL_S:
-                    self._trouble("", self.source.problem or f"stalls: no frame for {_STALL_S:g} s")
+                    self._set_problem("", self.source.problem or f"stalls: no frame for {_STALL_S:g} s")
                 continue
             if self._last_problem.get(""):
                 self._say(f"{self.source.name}: frames come again, after {time.monotonic() - silent_since_s:.1f} s")
-                self._trouble("", "")
+                self._set_problem("", "")
             silent_since_s = time.monotonic()
             if self.source.waits and not self._orders.paused:
                 clock.wait_until(frames[0].t_s)
             self._show(frames)
 
     def _wait_for_orders(self) -> float | None:
-        """Wait while standing still or at the end; return the time to go to, if there is one."""
+        """Wait while paused or at the end; return the time to seek to, None if there is none."""
         with self._news:
             orders = self._orders
             self._news.wait_for(
                 lambda: (
                     orders.stop
                     or orders.seek_s is not None
-                    or (not self.ended and (not self._stands_still() or orders.steps > 0))
+                    or (not self.ended and (not self._is_paused() or orders.steps > 0))
                 )
             )
             seek_s, orders.seek_s = orders.seek_s, None
-            if seek_s is None and self._stands_still():
+            if seek_s is None and self._is_paused():
                 orders.steps -= 1
             return seek_s
 
@@ -184,8 +186,8 @@ class SourceLoop:
             except RobocupVisionError as error:
                 self._say(f"{self.source.name}: {error}")
 
-    def _stands_still(self) -> bool:
-        # what does not wait goes on: a page then stands still alone
+    def _is_paused(self) -> bool:
+        # a live source does not wait for the loop: then only the page is paused
         return self._orders.paused and self.source.waits
 
     def _read(self) -> tuple[SourceFrame, ...] | None:
@@ -195,8 +197,8 @@ class SourceLoop:
         try:
             return self.source.read(_READ_S)
         except FrameError as error:
-            # the next may be good
-            self._trouble("frame", str(error))
+            # the next frame may be usable
+            self._set_problem("frame", str(error))
             return ()
 
     def _end(self) -> None:
@@ -205,7 +207,7 @@ class SourceLoop:
         self._tell_run()
 
     def _go_to(self, t_s: float) -> None:
-        """Look again at what was just before a time, as fast as it goes, so that memory and colours are warm there."""
+        """Seek to a time: process the frames of the two seconds before it, so that memory and colours converge."""
         self._display.forget()
         self._rate.forget()
         self._read_ahead = None
@@ -224,11 +226,11 @@ class SourceLoop:
             if not frames:
                 continue
             if shown and frames[0].t_s > t_s + 1e-6:
-                # it is the next step's
+                # this frame belongs to the next step
                 self._read_ahead = frames
                 return
             self._show(frames)
-            # each of them can be stepped back to
+            # the user can step back to each of these frames, so that all must be drawn
             self._display.wait_until_made(1.0)
             shown = True
 
@@ -264,18 +266,18 @@ class SourceLoop:
         try:
             view = vision.look(frame.frame, frame.t_s, frame.odometry, frame.prior, mounting=frame.mounting)
         except RobocupVisionError as error:
-            self._trouble(frame.robot, str(error))
+            self._set_problem(frame.robot, str(error))
             return replace(moment, problem=str(error))
         except Exception as error:  # a bug in one frame must not cost the others
             vision.forget()
             problem = f"internal error: {type(error).__name__}: {error}"
-            self._trouble(frame.robot, problem)
+            self._set_problem(frame.robot, problem)
             return replace(moment, problem=problem)
-        self._trouble(frame.robot, "")
+        self._set_problem(frame.robot, "")
         return replace(moment, view=view, colors=vision.colors, settings={"method": vision.method})
 
-    def _trouble(self, where: str, problem: str) -> None:
-        """Say what is wrong once, not for each frame; an empty problem: it is over."""
+    def _set_problem(self, where: str, problem: str) -> None:
+        """Set the problem of a robot or, where "", of the source; report it if it is new. An empty one clears it."""
         before = self._last_problem.get(where, "")
         if problem == before:
             return
@@ -293,11 +295,11 @@ class _Clock:
         self._offset_s: float | None = None
 
     def forget(self) -> None:
-        """Begin anew with the next frame."""
+        """Reset the clock: the next frame is due at once."""
         self._offset_s = None
 
     def wait_until(self, t_s: float) -> None:
-        """Wait until a time of the source, or until somebody asks for something."""
+        """Wait until a time of the source, or until an order comes."""
         now_s = time.monotonic()
         if self._offset_s is None or now_s - t_s - self._offset_s > _BEHIND_S or t_s + self._offset_s - now_s > 60.0:
             self._offset_s = now_s - t_s

@@ -1,4 +1,4 @@
-"""Records what a source gives as it is looked at, without a page."""
+"""Records a source's frames and what is seen in them, without a page."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from robocup_vision.recording.call_writer import RecorderSettings
 from robocup_vision.recording.recorder import Recorder
 from robocup_vision.view import View
 
-# a source without a frame for this time is asked whether something is wrong
+# a source without a frame for this time is checked for problems
 _PATIENCE_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class RecordedSummary:
-    """How many frames were recorded and located, how many could not be used, and why the first of these."""
+    """Numbers of frames recorded, located, and not usable, and the problem of the first one that was not usable."""
 
     frames: int
     located: int
@@ -38,18 +38,18 @@ def record_source(
     show: Callable[[SourceFrame, View], None] | None = None,
     say: Callable[[str], None] = print,
 ) -> RecordedSummary:
-    """Look at a source's frames and record them, until they end, the time is up, or the program is interrupted.
+    """Process a source's frames and record them, until they end, the time is up, or the program is interrupted.
 
     Parameters
     ----------
     source : Source
-        Of one robot, with a camera file.
+        Source of one robot's frames, with a camera file.
     seconds : float, optional
-        How long, by the frames' times; default: until they end.
+        Duration, by the frames' times; default: until they end.
     show : callable, optional
         Called with each frame and its view.
     say : callable
-        Called with a line when a source that comes by itself gives no frames any more.
+        Called with a line when a live source stops giving frames, or gives them again.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def record_source(
             if seconds is not None and now.t_s - begin_s >= seconds:
                 break
             if now.odometry is not None:
-                # motion over a frame that could not be used is not lost
+                # the motion before a frame that could not be used is kept
                 moved = now.odometry if moved is None else moved.compose(now.odometry)
             if now.alone:
                 recorder.forget()
@@ -100,7 +100,7 @@ def record_source(
 
 
 def _frames(source: Source, say: Callable[[str], None]) -> Iterator[SourceFrame | FrameError]:
-    """Yield frames until they end, or why one is damaged; say why none come, and that they come again."""
+    """Yield frames or the errors of damaged ones until they end; report when frames stop, and when they resume."""
     said = ""
     while True:
         try:

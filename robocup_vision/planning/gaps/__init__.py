@@ -1,1 +1,1 @@
-"""Which gap to take: gaps of uncertain width, the gate problem, and the choice among several."""
+"""Choice of a gap: gaps of uncertain width, the gate problem, and the choice among several."""

@@ -1,4 +1,4 @@
-"""A gap between two opponents as estimated: the expected time to pass it, and the choice between several.
+"""Gaps of estimated width between two opponents: the expected time to pass one, and the choice between several.
 
 Miura (2004), section 6.2: E[T] = sum over widths of p(w) T(w), with T(w) at the largest safe speeds. The time at
 the mean width would be too short, since some of the possible widths are slow or blocked.
@@ -29,7 +29,7 @@ class Gap:
     """An opening of uncertain width."""
 
     center_m: Point  #: its middle
-    across_rad: float  #: direction in which it is passed, or its opposite; the opening lies at right angles to it
+    across_rad: float  #: direction of passing, or its opposite; the opening is perpendicular to it
     #: mean and standard deviation of the estimated width: a normal distribution
     width_m: float
     sigma_m: float
@@ -46,7 +46,7 @@ class Gap:
         return Gap(self.center_m, self.across_rad, width, self.sigma_m * math.sqrt(1.0 - gain))
 
     def wide_enough(self, needed_m: float) -> float:
-        """Return the probability that it is at least this wide."""
+        """Return the probability that the gap is at least this wide."""
         return float(normal_below((self.width_m - needed_m) / self.sigma_m))
 
 
@@ -56,7 +56,7 @@ def gap_between(first: Disc, second: Disc) -> Gap:
     Parameters
     ----------
     first, second : Disc
-        In the same frame; their errors are taken to be independent.
+        The opponents, in the same frame; their errors are assumed to be independent.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def gap_between(first: Disc, second: Disc) -> Gap:
 
 @dataclass(frozen=True, slots=True)
 class WidthSensor:
-    """How well one look measures a gap's width: better from nearer, and better from straight ahead.
+    """The accuracy of measuring a gap's width by one look: best from near and from straight ahead.
 
     The camera measures the feet of two opponents, each to `angle_rad` in bearing and in depression. At distance d and
     from height h that is d * angle across the line of sight and (d^2 + h^2) / h * angle along it (the floor range is
@@ -87,8 +87,8 @@ class WidthSensor:
     """
 
     angle_rad: float = 0.01  #: standard deviation of an edge's direction: about a pixel's angle, radians
-    height_m: float = 0.2  #: of the camera over the floor
-    edge_m: float = 0.01  #: standard deviation that remains from nearby (shape of the opponents' feet)
+    height_m: float = 0.2  #: height of the camera above the floor
+    edge_m: float = 0.01  #: standard deviation that remains at a short distance (shape of the opponents' feet)
     drift_mps: float = 0.0  #: standard deviation of the unknown speed at which the gap widens or closes
 
     def __post_init__(self) -> None:
@@ -97,7 +97,7 @@ class WidthSensor:
             raise ArgumentError(f"drift_mps must not be negative, got {self.drift_mps!r}")
 
     def sigma_m(self, gap: Gap, eye_m: Point, until_s: float = 0.0) -> float:
-        """Return the standard deviation of the width measured from `eye_m`, of the gap as it will be in `until_s`."""
+        """Return the standard deviation, measured from `eye_m`, of the width that the gap will have after `until_s`."""
         dx, dy = gap.center_m[0] - eye_m[0], gap.center_m[1] - eye_m[1]
         distance = math.hypot(dx, dy)
         phi = math.atan2(dy, dx) - gap.across_rad
@@ -113,25 +113,25 @@ class WidthSensor:
 _MIN_WIDTH = 1.0
 _MAX_WIDTH = 6.0
 _WIDTHS = 41
-# the way before and after a gap that counts as its passage: a robot is at full speed at its ends
+# distance before and after a gap that counts as its passage; beyond it a robot drives at full speed
 _WAY_M = 1.5
 _MAX_S = 30.0  # a drive that takes longer is given up, and counts as blocked
 _PLAN_EVERY = 3  # commands between two plans of the speed
 # number of cells of the width's distribution, and the standard deviations that they cover to either side
 _CELLS = 61
 _SPREAD_SIGMAS = 3.5
-# gaps that are considered after one has turned out blocked. Each is reached only if all before are blocked, so
-# more do not change the choice.
+# number of gaps that are considered after one has turned out blocked. Each is reached only if all before are blocked,
+# so more do not change the choice.
 _MAX_ALTERNATIVES = 3
 
 
 class PassageTimes:
-    """Time that gaps cost by their width: a table of simulated drives with the real planner and controller.
+    """The time that a gap costs, by its width: a table of simulated drives with the real planner and controller.
 
     Parameters
     ----------
     opponent_radius_m : float
-        Of the robots beside the gap.
+        Radius of the robots beside the gap.
     opponent_sigma_m : float
         Standard deviation of an opponent's position when the robot gets there.
     """
@@ -153,12 +153,12 @@ class PassageTimes:
         widths = np.linspace(_MIN_WIDTH, _MAX_WIDTH, _WIDTHS) * 2 * planner.robot_radius_m
         open_s = self._drive_s(None)
         extra = np.array([self._drive_s(width) - open_s for width in widths.tolist()])
-        # a wider gap is never slower: where the drive is, the phase of its looks is the reason
+        # a wider gap is never slower; where a simulated drive was, that is due to the phase of its looks
         self._widths_m, self._extra_s = read_only(widths), read_only(np.minimum.accumulate(extra))
 
     @property
     def narrowest_m(self) -> float:
-        """The narrowest width, of those in the table, that has a safe speed; inf if none has."""
+        """The narrowest width in the table that has a safe speed; inf if none has."""
         passable = np.isfinite(self._extra_s)
         return float(self._widths_m[np.argmax(passable)]) if passable.any() else math.inf
 
@@ -175,9 +175,9 @@ class PassageTimes:
         Parameters
         ----------
         way_m : float
-            Length of the way through it to the target.
+            Length of the way through the gap to the target.
         blocked_s : float
-            Total time if the gap turns out to have no safe speed: there, back, and another way.
+            Total time if the gap turns out to have no safe speed: to the gap, back, and along another way.
         """
         widths = gap.width_m + gap.sigma_m * self._at_sigmas
         open_s = self.planner.follower.limits.travel_s(way_m)
@@ -187,7 +187,7 @@ class PassageTimes:
         return float(self._probability @ times)
 
     def _drive_s(self, width_m: float | None) -> float:
-        """Return the seconds of a drive without errors, at speeds that allow for them; inf if it is not finished."""
+        """Return the time of a drive without errors, at speeds that allow for errors; inf if it takes too long."""
         planner, radius = self.planner, self._radius_m
         path = np.array([[-_WAY_M, 0.0], [_WAY_M, 0.0]])
         spread = self._sigma_m**2 * np.eye(2)
@@ -230,8 +230,8 @@ def grown(covariance: FloatArray, planner: SpeedPlanner, moved_m: Point) -> Floa
 class GapChoice:
     """The gap to take."""
 
-    index: int  #: of the gap, in the order given
-    expected_s: tuple[float, ...]  #: expected time to the target by each
+    index: int  #: index of the gap, in the order given
+    expected_s: tuple[float, ...]  #: expected time to the target through each gap
     reason: str  #: in words
 
 
@@ -241,9 +241,9 @@ def choose_gap(times: PassageTimes, robot_m: Point, target_m: Point, gaps: Seque
     Parameters
     ----------
     times : PassageTimes
-        Time that gaps cost by their width.
+        The time that gaps cost, by their width.
     robot_m, target_m : (float, float)
-        Where the robot is, and where it wants to be.
+        Positions of the robot and of its target, in the gaps' frame.
     gaps : sequence of Gap
         At least one. If all are blocked, the robot waits for as long as the table's longest drive.
     """
@@ -263,16 +263,16 @@ def choose_gap(times: PassageTimes, robot_m: Point, target_m: Point, gaps: Seque
 
 
 def _by_gap_s(times: PassageTimes, start_m: Point, target_m: Point, gaps: tuple[Gap, ...], k: int) -> float:
-    """Return the expected time by gap k first; if that is blocked, by the best order of the others."""
+    """Return the expected time through gap k or, if that is blocked, through the others in the best order."""
     gap = gaps[k]
-    others = tuple(sorted(gaps[:k] + gaps[k + 1 :], key=lambda other: _by(gap.center_m, other, target_m)))
+    others = tuple(sorted(gaps[:k] + gaps[k + 1 :], key=lambda other: _way_m(gap.center_m, other, target_m)))
     after = _MAX_S
     if others:
         next_ones = others[:_MAX_ALTERNATIVES]
         after = min(_by_gap_s(times, gap.center_m, target_m, next_ones, j) for j in range(len(next_ones)))
     there = times.planner.follower.limits.travel_s(math.dist(start_m, gap.center_m))
-    return times.expected_s(gap, _by(start_m, gap, target_m), there + after)
+    return times.expected_s(gap, _way_m(start_m, gap, target_m), there + after)
 
 
-def _by(start_m: Point, gap: Gap, target_m: Point) -> float:
+def _way_m(start_m: Point, gap: Gap, target_m: Point) -> float:
     return math.dist(start_m, gap.center_m) + math.dist(gap.center_m, target_m)

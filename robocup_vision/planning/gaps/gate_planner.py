@@ -1,4 +1,4 @@
-"""Solves the gate problem: a gap that may be too narrow, a way round that is free, and where to look before choosing.
+"""Solves the gate problem: drive through a gap that may be too narrow, take a free detour, or look first, and where.
 
 Miura (2004), section 5, with the cost
 C*(x, I) = min(detour, pass if confirmed, min over x' of C_move + C_look + sum_k P(I_k) C*(x', I_k)).
@@ -22,18 +22,18 @@ from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.normal import normal_below
 from robocup_vision.planning.gaps.gap_choice import Gap, Point, WidthSensor
 
-# cells of the width's distribution, over so many standard deviations to either side: finer, plans do not change
+# number of cells of the width's distribution, and standard deviations that they cover to either side. A finer
+# discretisation does not change the plans; nor does it for the next constant.
 _WIDTHS, _SPREAD_SIGMAS = 32, 4.0
-# bounds between the classes of a measured width, in its standard deviations from the width needed: finer, plans do not
-# change
+# bounds between the classes of a measured width: its difference from the needed width in standard deviations
 _MEASURED_AT_SIGMAS = (-2.0, -1.0, 0.0, 1.0, 2.0)
-# viewpoints form a grid over the triangle of robot, gap and detour, with this many steps a side
+# viewpoints form a grid over the triangle of robot, gap and detour, with this many steps per side
 _GRID_STEPS = 5
 
 
 @dataclass(frozen=True, slots=True)
 class GatePlannerSettings:
-    """How `GatePlanner` prices looks and gaps.
+    """The costs and the horizon of `GatePlanner`.
 
     Raises
     ------
@@ -42,10 +42,10 @@ class GatePlannerSettings:
     """
 
     confirmed: float = 0.95  #: probability of being wide enough from which a gap may be entered
-    look_s: float = 0.2  #: time that a look takes, standing: a few frames
-    #: cost of entering a gap that is too narrow, besides the way to it and back: touching, stopping, turning
+    look_s: float = 0.2  #: time that a look takes while standing: a few frames
+    #: cost of entering a gap that is too narrow, besides the way to it and back: contact, stopping, turning
     failure_s: float = 2.0
-    looks: int = 3  #: horizon: number of looks in a plan. It is planned again after each.
+    looks: int = 3  #: horizon: greatest number of looks in a plan; after each look a new plan is made
 
     def __post_init__(self) -> None:
         require_positive(self, "look_s")
@@ -59,26 +59,26 @@ class GatePlannerSettings:
 class GatePlan:
     """A decision about a gap."""
 
-    action: Literal["detour", "pass", "look"]  #: "detour", "pass", or "look"
+    action: Literal["detour", "pass", "look"]  #: take the detour, pass the gap, or look
     viewpoint_m: Point | None  #: where to look from; None unless that is the action
     expected_s: float  #: expected time to the target
-    #: the same for simpler plans: the detour at once; one look from here, or one from before the gap, then the better
-    #: of the gap, if confirmed, and the detour
+    #: expected times of simpler plans: the detour at once; one look from here, or one from before the gap, and then the
+    #: better of the gap, if confirmed, and the detour
     detour_s: float
     look_now_s: float
     go_and_look_s: float
-    probability: float  #: that the gap is wide enough, by the estimate so far
+    probability: float  #: probability that the gap is wide enough, by the present estimate
     beliefs: int  #: number of beliefs that the search has evaluated
-    reason: str  #: in words
+    reason: str  #: the reason, as text
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GateTables:
     """The gate problem in numbers, as `robocup_vision.kernels.motion.gate_problem` takes them."""
 
-    viewpoints_m: FloatArray  #: (N, 2) float64: places to look from: first where the robot is, second before the gap
+    viewpoints_m: FloatArray  #: (N, 2) float64: places to look from: first the robot's, second one before the gap
     prior: FloatArray  #: (W,) float64: probability of each cell of width
-    first_wide: int  #: the first of them that is wide enough
+    first_wide: int  #: index of the first cell that is wide enough
     likelihood: FloatArray  #: (N, K, W) float64: probability of each class of measured width
     move_s: FloatArray  #: (N, N) float64: seconds between viewpoints
     #: (N,) float64: seconds to the target through a wide gap, by a narrow one and back, and by the detour
@@ -88,14 +88,14 @@ class GateTables:
 
 
 class GatePlanner:
-    """Plans for gaps; it depends on the robot alone, so one object serves all gaps.
+    """Plans for gaps; it depends only on the robot, so one object serves all gaps.
 
     Parameters
     ----------
     sensor : WidthSensor
-        How well it measures widths.
+        The robot's accuracy in measuring widths.
     needed_m : float
-        Width that a gap must have: the robot's and its clearance.
+        Width that a gap must have: the robot's width and its clearance.
 
     Raises
     ------
@@ -127,11 +127,11 @@ class GatePlanner:
         Parameters
         ----------
         robot_m, target_m : (float, float)
-            Where the robot is, and where it wants to be; it starts and arrives at rest.
+            Positions of the robot and its target, in the gap's frame; the robot starts and arrives at rest.
         detour_m : sequence of (float, float)
-            The way round, by these points, without robot and target.
+            Waypoints of the detour, without robot and target.
         viewpoints_m : (N, 2) float64, optional
-            Viewpoints besides the robot's position and the place right before the gap; default: a grid between robot,
+            Viewpoints besides the robot's position and a place right before the gap; by default a grid between robot,
             gap and detour.
         """
         tables = self.tables(robot_m, gap, target_m, detour_m, viewpoints_m)
@@ -233,7 +233,7 @@ def _length(points: FloatArray) -> float:
 
 
 def _width_cells(gap: Gap, needed_m: float) -> tuple[FloatArray, FloatArray, int]:
-    """Return centres and probabilities of the width's cells, split at the width needed, and the first beyond it."""
+    """Return centres and probabilities of the width's cells, split at the needed width, and the first cell above it."""
     spread_m = _SPREAD_SIGMAS * gap.sigma_m
     edges = np.linspace(gap.width_m - spread_m, gap.width_m + spread_m, _WIDTHS + 1)
     edges = np.sort(np.append(edges, np.clip(needed_m, edges[0], edges[-1])))

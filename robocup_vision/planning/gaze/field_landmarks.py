@@ -11,11 +11,11 @@ from field_models.field import Field
 
 Kind = Literal["post", "goal corner", "beacon", "crossing"]
 
-# crossings nearer to each other than this are one
+# crossings nearer to each other than this count as one
 _SAME_M = 0.05
-# a line that ends this near another one meets it
+# a line that ends within this distance of another one meets it
 _MEETS_M = 0.02
-# lines at a smaller angle than this do not cross at a point
+# sine of the smallest angle between lines whose crossing counts as a point
 _MIN_SINE = 0.3
 
 
@@ -23,15 +23,15 @@ _MIN_SINE = 0.3
 class Landmark:
     """A point of the field that a camera can measure."""
 
-    kind: Kind  #: what it is
-    #: where, in the field frame, and how high over the floor
+    kind: Kind
+    #: place in the field frame, and height above the floor
     x_m: float
     y_m: float
     height_m: float = 0.0
 
 
 def field_landmarks(field: Field) -> tuple[Landmark, ...]:
-    """Return foot and top of everything upright, and then the crossings, corners and ends of lines."""
+    """Return foot and top of posts, goal corners and beacons, then the crossings and corners of lines."""
     upright: list[tuple[Kind, float, float, float]] = []
     for goal in field.goals:
         half = goal.width_m / 2

@@ -1,6 +1,6 @@
-"""How often a goal in view is found, and as which of the two: P(e | I, w) of Miura and Shirai 2004, section 4.2.
+"""Probability that a goal in view is found, and as which of the two: P(e | I, w) of Miura and Shirai 2004, section 4.2.
 
-Learnt by running the goal localiser on rendered pictures (`robocup-vision learn-goal-evidence`), kept in a small file.
+It is learnt from the goal localiser on rendered pictures (`robocup-vision learn-goal-evidence`), and kept in a file.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from field_models.toml_file import StrictStruct, load_toml
 from robocup_vision.arrays import FloatArray, read_only
 
 PACKAGED = Path(__file__).with_name("goal_evidence.toml")
-# outcomes of a look: which goal it shows, or none
+# outcomes of a look: the goal is identified as itself, as the other one, or not found
 POSITIVE, NEGATIVE, NOTHING = range(3)
 CORNERS = 4
 
-# added to the counts of the outcomes: what has not happened yet is not impossible
+# added to the counts of the outcomes, so that none has probability 0
 _PSEUDO_COUNTS = np.array([0.5, 0.5, 1.0])
 
 
@@ -50,13 +50,13 @@ class GoalEvidence:
 
     #: ascending bounds between the classes of a goal's apparent width, pixels between its posts
     width_px: tuple[float, ...]
-    #: (CORNERS + 1, K, 3) float64: by the number of its corners in view (feet and tops of the posts) and by width:
-    #: probability that it is identified as itself, as the other goal, or not found. Each row adds up to 1.
+    #: (CORNERS + 1, K, 3) float64: by the number of its corners in view (feet and tops of the posts) and its width:
+    #: probabilities that it is identified as itself, as the other goal, or not found, which add up to 1
     found: FloatArray
     again: float  #: probability that a goal is found after a miss, divided by that of the first look
 
     def chances(self, corners: npt.ArrayLike, width_px: npt.ArrayLike) -> FloatArray:
-        """Return (..., 3): right goal, wrong goal, nothing, for numbers of corners (...) and widths (...), pixels."""
+        """Return (..., 3) the probabilities of the outcomes for numbers of corners (...) and widths (...), pixels."""
         classes = np.searchsorted(self.width_px, width_px, side="right")
         return np.asarray(self.found[np.asarray(corners, dtype=np.intp), classes])
 
@@ -64,7 +64,7 @@ class GoalEvidence:
     def from_counts(
         cls, width_px: tuple[float, ...], counts: FloatArray, again_found: int, again_missed: int
     ) -> GoalEvidence:
-        """Turn counts (CORNERS + 1, K, 3) of first looks, and second looks after a miss, into probabilities."""
+        """Compute probabilities from counts (CORNERS + 1, K, 3) of first looks, and of second looks after a miss."""
         smooth = np.asarray(counts, dtype=np.float64) + _PSEUDO_COUNTS
         found = smooth / smooth.sum(axis=-1, keepdims=True)
         whole = np.asarray(counts, dtype=np.float64)[CORNERS].sum(axis=0)
@@ -79,12 +79,12 @@ def load_goal_evidence(path: str | Path = PACKAGED) -> GoalEvidence:
     Parameters
     ----------
     path : str or Path, optional
-        A file of `robocup-vision learn-goal-evidence`; without it the one that comes with the package.
+        A file of `robocup-vision learn-goal-evidence`; default: the one in the package.
 
     Raises
     ------
     FileError
-        If the file is missing or wrong.
+        If the file is missing or not valid.
     """
     described = load_toml(path, _EvidenceFile)
     bounds = described.width_px

@@ -1,7 +1,7 @@
 """Chooses where to look to decide between several poses (Miura and Shirai 2004, section 4.2, eqs. 3 and 4).
 
-On a symmetric pitch a pose and its half turn differ in the goals' colours alone. The planner takes the pan after which
-the expected entropy is least, until the entropy is small, or until no look from here would lower it.
+On a symmetric pitch, a pose and its half turn differ only in the goals' colours. The planner takes the pan after which
+the expected entropy is smallest, until the entropy is small or no look from here would reduce it.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from robocup_vision.planning.gaze.pose_gaze import PANS, Neck
 from robocup_vision.planning.gaze.uncertainty import clear_probability, sigma_points
 
 Answer = Literal["look", "decided", "undecidable"]
-# entropy at which the question is decided: 0.1 nat leave the other of two poses a probability of 2 %
+# entropy below which the question is decided: at 0.1 nat the less probable of two poses has a probability of 2 %
 DECIDED_NAT = 0.1
 _MIN_GAIN_NAT = 0.02  # a look with a smaller expected gain is not worth its time
 _AS_GOOD_NAT = 0.01  # pans whose expected entropy differs by less count as equal. Then the head moves least.
-# a corner nearer to the picture's border than this fraction of its width is cut as often as not
+# a corner within this fraction of the picture's width from its border is cut off in half of the cases
 _BORDER_RATIO = 0.01
 
 
@@ -47,12 +47,12 @@ _BORDER_RATIO = 0.01
 class Fixation:
     """The answer to a question, or the next look."""
 
-    answer: Answer  #: look there; the most probable hypothesis is certain enough; or no look would decide
+    answer: Answer  #: "decided": the most probable hypothesis is certain enough; "undecidable": no look would decide
     #: pan of the look, from straight ahead, positive to the left; None unless the answer is "look"
     pan_rad: float | None
-    entropy_nat: float  #: of the hypotheses now
-    expected_nat: float  #: after that look, on average; as now unless the answer is "look"
-    reason: str  #: why, in words
+    entropy_nat: float  #: entropy of the hypotheses now
+    expected_nat: float  #: expected entropy after that look; that of now unless the answer is "look"
+    reason: str  #: the reason, as text
 
 
 def entropy_nat(probabilities: FloatArray) -> float:
@@ -67,8 +67,8 @@ def identified_goal(field: Field, measured: PoseEstimate | NotLocated) -> int:
     Parameters
     ----------
     measured : PoseEstimate or NotLocated
-        The answer of `GoalPoseEstimator.locate(frame)`: the camera's foot and optical axis. Without a prior, since the
-        answer may repeat a prior's half of the field.
+        The answer of `GoalPoseEstimator.locate(frame)`: the camera's foot and optical axis. It must have been found
+        without a prior, from which it might have taken the field half.
     """
     if not isinstance(measured, PoseEstimate) or len(measured.candidates) > 1 or not field.goals:
         return 0
@@ -78,18 +78,18 @@ def identified_goal(field: Field, measured: PoseEstimate | NotLocated) -> int:
 
 
 class GoalQuestion:
-    """Decides between several poses by looks at goals; one object a question and place.
+    """Decides between several poses by looks at goals; one object per question and place.
 
     Parameters
     ----------
     field : Field
         The pitch. Where its goals do not differ in hue, every question is undecidable.
     camera : PinholeCamera
-        On the head; its pan is ignored, an unknown tilt or roll counts as 0.
+        The camera on the head; its pan is ignored, an unknown tilt or roll counts as 0.
     neck : Neck, optional
-        How far the head pans, or, with a limit of pi, the robot on the spot.
+        Limits of the head's pan; with a limit of pi, the robot turns on the spot.
     evidence : GoalEvidence, optional
-        How often goals are found; default: as learnt for the goal localiser.
+        Probabilities that goals are found; by default as learnt for the goal localiser.
     """
 
     def __init__(
@@ -132,13 +132,13 @@ class GoalQuestion:
         hypotheses : sequence of Hypothesis
             Poses the robot may have.
         blockers : sequence of Disc
-            Robots that may hide a goal, in the field frame by the first hypothesis. By the others they stand elsewhere,
-            at the same places beside the robot.
+            Robots that may hide a goal, in the field frame under the first hypothesis. Under the other hypotheses they
+            have the same positions relative to the robot.
 
         Raises
         ------
         ArgumentError
-            There is no hypothesis, or probabilities are negative or do not add up to a positive number.
+            If there is no hypothesis, a probability is negative, or all are 0.
         """
         probability = _probabilities(hypotheses)
         now = entropy_nat(probability)
@@ -170,11 +170,11 @@ class GoalQuestion:
         Parameters
         ----------
         hypotheses : sequence of Hypothesis
-            As `choose` took them.
+            The same as for `choose`.
         pan_rad : float
-            Where the frame was taken.
+            Pan at which the frame was taken.
         goal : int
-            The goal that it identified, see `identified_goal`: +1, -1, or 0.
+            The goal that the frame has identified, see `identified_goal`: +1, -1, or 0.
         """
         outcome = {1: POSITIVE, -1: NEGATIVE, 0: NOTHING}.get(goal)
         if outcome is None:
@@ -185,7 +185,7 @@ class GoalQuestion:
         after = probability * self._chances(hypotheses, np.array([pan_rad]), blockers)[0, :, outcome]
         if outcome == NOTHING:
             self._missed.append(pan_rad)
-        # an outcome that is impossible by all of them changes none
+        # an outcome that is impossible under all hypotheses changes nothing
         return np.asarray(after / after.sum()) if after.sum() > 0 else probability
 
     def _chances(self, hypotheses: Sequence[Hypothesis], pans: FloatArray, blockers: Sequence[Disc]) -> FloatArray:
@@ -202,7 +202,7 @@ class GoalQuestion:
         outcome = np.zeros((len(pans), 3))
         eye = (*hypothesis.pose.transform(self._camera.offset_m).tolist(), self._camera.height_m)
         clear = clear_probability(eye, self._corners.reshape(-1, 3), blockers).reshape(-1, CORNERS)
-        # a goal that was missed is likely to be missed again
+        # a goal that was missed is likely to be missed again: each miss in view lowers its probability
         again = np.array(
             [
                 self._evidence.again ** sum(abs(wrap_angle(pan - m)) < self._half_view_rad for m in self._missed)
@@ -213,7 +213,7 @@ class GoalQuestion:
         each = np.arange(len(pans))
         for x, y, theta in points:
             corners, widths = self._in_view(Pose2(x, y, theta), pans)
-            # two goals are never in one picture: the one with more corners counts
+            # two goals are never in one picture: only the one with more corners in view counts
             goal = corners.sum(axis=-1).argmax(axis=-1)
             seen, width = corners[each, goal], widths[goal]
             count = seen.sum(axis=-1)
@@ -229,7 +229,7 @@ class GoalQuestion:
         return outcome
 
     def _in_view(self, pose: Pose2, pans: FloatArray) -> tuple[npt.NDArray[np.bool_], FloatArray]:
-        """Return which corners (P, G, CORNERS) of each goal a pan shows, and the width (G,) of each goal, pixels."""
+        """Return whether each pan shows each goal's corners, (P, G, CORNERS), and the goals' widths (G,), pixels."""
         eye = pose.compose(Pose2(*self._camera.offset_m, 0.0))
         flat = eye.inverse().transform(self._corners[..., :2])
         up = self._corners[..., 2] - self._camera.height_m

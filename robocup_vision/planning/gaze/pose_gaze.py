@@ -27,7 +27,7 @@ Criterion = Literal["position", "volume"]
 
 # number of pans compared: over half a turn they are 5 degrees apart, a tenth of a usual field of view
 PANS = 37
-# a landmark nearer to the picture's border than this fraction of its width is not counted: a detector cuts it
+# A landmark within this fraction of the picture's width from its border is not counted: the picture cuts it off.
 _BORDER_RATIO = 0.03
 # pans whose criterion differs by less than this fraction count as equal. Then the head moves least.
 _AS_GOOD_RATIO = 0.02
@@ -43,14 +43,14 @@ class Detector:
     """How well landmarks of one kind are detected."""
 
     std_px: float  #: standard deviation along u and v, pixels of the camera's own picture
-    detection_probability: float  #: probability that it is found where it is in view
-    max_range_m: float  #: beyond, it is not found
-    #: probability that a goal's post is found where the other one is not in view; default: as with it
+    detection_probability: float  #: probability that a landmark in view is found
+    max_range_m: float  #: beyond this range it is not found
+    #: probability that a goal's post is found while the other post is not in view; None: `detection_probability`
     alone_probability: float | None = None
 
 
 # Posts as measured by the goal localiser, and crossings by the line localiser, in rendered 208 x 160 pictures
-# (benchmarks/planning/gaze_pose.py measures them again). Kinds without a detector here have the values of whole goals.
+# (benchmarks/planning/gaze_pose.py measures them again). Kinds that were not measured have the values of whole goals.
 DETECTORS: Mapping[Kind, Detector] = {
     "post": Detector(0.3, 0.92, 6.0, alone_probability=0.5),
     "goal corner": Detector(0.3, 0.92, 6.0),
@@ -63,12 +63,12 @@ GOAL_DETECTORS: Mapping[Kind, Detector] = {"post": DETECTORS["post"]}
 
 @dataclass(frozen=True, slots=True)
 class Neck:
-    """How a head pans."""
+    """The limits and the error of a head's pan."""
 
-    limit_rad: float = math.pi / 2  #: farthest pan to either side
-    speed_rps: float = 8.0  #: how fast it turns
-    #: standard deviation of the camera's direction on a walking robot, about the upright and the level axis. It is the
-    #: same error for all landmarks of a frame.
+    limit_rad: float = math.pi / 2  #: greatest pan to either side
+    speed_rps: float = 8.0  #: turning rate
+    #: standard deviation of the camera's direction on a walking robot, about the vertical and the horizontal axis. All
+    #: landmarks of a frame have this error in common.
     std_rad: float = 0.01
 
     def __post_init__(self) -> None:
@@ -80,7 +80,7 @@ class Neck:
         return self.limit_rad * math.sin(math.tau * t_s / period_s)
 
     def turned(self, pan_rad: float, wanted_rad: float, seconds: float) -> float:
-        """Return the pan that a head reaches in some time on its way to a wanted one; so far a command is obeyed."""
+        """Return the pan that a head has reached after `seconds` on its way to a wanted pan."""
         step = self.speed_rps * seconds
         wanted = max(-self.limit_rad, min(self.limit_rad, wanted_rad))
         return pan_rad + max(-step, min(step, wanted - pan_rad))
@@ -91,11 +91,11 @@ class Gaze:
     """A chosen pan."""
 
     pan_rad: float  #: from straight ahead, positive to the left
-    planned: bool  #: false: a sweep, since nothing can be planned
+    planned: bool  #: False: a sweep, since nothing can be planned
     #: expected uncertainty of the position: square root of the covariance's trace; infinite for a sweep
     position_std_m: float
     landmarks: float  #: number of landmarks expected in a frame
-    reason: str  #: why, in words
+    reason: str  #: the reason, as text
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,16 +124,16 @@ class PoseGazeSettings:
 
 
 class PoseGaze:
-    """Chooses pans for one robot; one object a head.
+    """Chooses pans for one robot; one object per head.
 
     Parameters
     ----------
     field : Field
         The pitch, with its landmarks.
     camera : PinholeCamera
-        On the head; its pan is ignored, an unknown tilt or roll counts as 0.
+        The camera on the head; its pan is ignored, an unknown tilt or roll counts as 0.
     detectors : mapping of kind to Detector
-        Which landmarks are detected, and how well.
+        The kinds of landmarks that are detected, and how well.
 
     Notes
     -----
@@ -163,7 +163,7 @@ class PoseGaze:
         self._found = np.array([detectors[m.kind].detection_probability for m in marks])
         alone = [detectors[m.kind].alone_probability for m in marks]
         self._alone = np.array([f if a is None else a for a, f in zip(alone, self._found, strict=True)])
-        # a post's ends find their partners at the goal's other post
+        # the partner of a post's end is the same end of the goal's other post, that of another landmark itself
         index = {(m.kind, m.x_m, m.y_m, m.height_m): i for i, m in enumerate(marks)}
         partner = [index.get(("post", m.x_m, -m.y_m, m.height_m), i) for i, m in enumerate(marks)]
         self._partner = np.array([p if marks[i].kind == "post" else i for i, p in enumerate(partner)], dtype=np.intp)
@@ -174,9 +174,9 @@ class PoseGaze:
         self._wanted: float | None = None
 
     def observe(self, found: bool, pan_rad: float) -> None:
-        """Take in whether a frame had a pose, and at which pan it was taken.
+        """Update with whether a frame gave a pose, and the pan at which it was taken.
 
-        After two frames in a row without a pose at the planned pan, the head sweeps until a frame has one.
+        After two successive frames without a pose at the planned pan, the head sweeps until a frame gives one.
         """
         if found:
             self._misses = 0
@@ -202,12 +202,12 @@ class PoseGaze:
         blockers : sequence of Disc
             Robots that may hide landmarks.
         drift : (3, 3) float64, optional
-            How the pose's covariance grows in a second without frames, field frame.
+            Growth of the pose's covariance in a second without frames, field frame.
 
         Raises
         ------
         ArgumentError
-            The drift is not (3, 3), or something is not finite.
+            The drift is not (3, 3), or an argument is not finite.
         """
         if not (math.isfinite(t_s) and math.isfinite(pan_rad)):
             raise ArgumentError(f"time and pan must be finite, got {t_s} s and {pan_rad} rad")
@@ -222,14 +222,15 @@ class PoseGaze:
             raise ArgumentError(f"drift must be a finite (3, 3) array, got {drift!r}")
         visible = self._visible(belief.pose, belief.covariance, blockers)
         prior = belief.covariance + growth * self._settings.horizon_s + _MIN_VARIANCE * np.eye(3)
-        left = self._left(prior, belief.pose, visible, pan_rad)
-        score = left[:, 0, 0] + left[:, 1, 1] if self._settings.criterion == "position" else np.linalg.det(left)
+        posterior = self._posterior(prior, belief.pose, visible, pan_rad)
+        is_by_position = self._settings.criterion == "position"
+        score = posterior[:, 0, 0] + posterior[:, 1, 1] if is_by_position else np.linalg.det(posterior)
         counts = visible.sum(axis=2).mean(axis=0)
         if not counts.max(initial=0.0) > _MIN_LANDMARKS:
             return self._sweep(t_s, "no landmark can be in view")
         as_good = np.flatnonzero(score <= score.min() * (1 + _AS_GOOD_RATIO))
         best = int(as_good[np.argmin(np.abs(self._pans[as_good] - pan_rad))])
-        std = math.sqrt(float(left[best, 0, 0] + left[best, 1, 1]))
+        std = math.sqrt(float(posterior[best, 0, 0] + posterior[best, 1, 1]))
         before = math.sqrt(float(prior[0, 0] + prior[1, 1]))
         reason = f"{counts[best]:.1f} landmarks there leave {std:.3f} m of {before:.3f} m"
         self._wanted = float(self._pans[best])
@@ -239,7 +240,7 @@ class PoseGaze:
         return Gaze(self.neck.sweep(t_s), False, math.inf, 0.0, f"sweep: {why}")
 
     def _visible(self, pose: Pose2, covariance: FloatArray, blockers: Sequence[Disc]) -> FloatArray:
-        """Return the probability (S, P, L) that each pan shows each landmark, from each sigma point of the pose."""
+        """Return the probability (S, P, L) that a landmark is found, for each sigma point of the pose and each pan."""
         points = sigma_points(pose, covariance)
         heading = points[:, 2, None] + self._pans
         c, s = np.cos(points[:, 2]), np.sin(points[:, 2])
@@ -261,13 +262,13 @@ class PoseGaze:
         both = (inside & inside[..., self._partner]) * clear[self._partner]
         return np.asarray(clear * (self._alone * inside + (self._found - self._alone) * both))
 
-    def _left(self, prior: FloatArray, pose: Pose2, visible: FloatArray, pan_rad: float) -> FloatArray:
+    def _posterior(self, prior: FloatArray, pose: Pose2, visible: FloatArray, pan_rad: float) -> FloatArray:
         """Return the covariance (P, 3, 3) expected at the horizon for each pan, the mean over the sigma points."""
         waits = np.abs(self._pans - pan_rad) / self.neck.speed_rps
         frames = np.maximum((self._settings.horizon_s - waits) / self._settings.frame_s, 1.0)
         rows = self._rows(pose)
         information = np.tensordot(visible, np.einsum("lki,lkj->lij", rows, rows), 1)
-        # the common error of a frame's landmarks is one more unknown, which is eliminated here
+        # the error that a frame's landmarks have in common is one more unknown, which the Schur complement eliminates
         weight = 1 / self._std_rad
         by_neck = np.tensordot(visible, rows * weight[:, None, None], 1)
         freedom = 1 / max(self.neck.std_rad, 1e-6) ** 2 + visible @ weight**2
@@ -275,7 +276,7 @@ class PoseGaze:
         return np.asarray(np.linalg.inv(np.linalg.inv(prior) + frames[:, None, None] * information).mean(axis=0))
 
     def _rows(self, pose: Pose2) -> FloatArray:
-        """Return the derivatives (L, 2, 3) of each landmark's bearing and elevation, in standard deviations."""
+        """Return the derivatives (L, 2, 3) of each landmark's bearing and elevation by the pose, over their std."""
         forward, left = self._camera.offset_m
         c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
         arm = np.array([-s * forward - c * left, c * forward - s * left])

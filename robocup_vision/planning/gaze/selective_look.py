@@ -1,7 +1,7 @@
 """Chooses which undecided floor to look at again (Miura and Shirai 2004, section 4.1).
 
-Only floor on the way matters. The shortest path is planned as if all undecided cells were free. The first undecided
-region on it is looked at, until no look from here can decide more of the path.
+Only floor on the way matters. The shortest path is planned as if all undecided cells were free. The robot looks at the
+first undecided region on it, until no look from here can decide more of the path.
 """
 
 from __future__ import annotations
@@ -21,12 +21,11 @@ from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.kernels.motion.way_grid import find_way
 
 Answer = Literal["look", "go", "blocked"]
-# extra cost of a cell near undecided floor: of two paths of one length the better known one is taken
+# extra cost of a cell near undecided floor, so that the better known one of two equally long paths is taken
 _UNSURE_COST = 1e-3
-# a new path must be shorter than the last one by this fraction to replace it, so that looks are not lost
+# a new path must be shorter than the last one by this fraction to replace it, so that looks already taken are used
 _SWITCH_RATIO = 0.05
-# looks after which a place that is still undecided is left until the robot is elsewhere: the same view again adds
-# little
+# number of looks after which an undecided place is given up until the robot has moved: further looks add little
 _MAX_LOOKS = 2
 _ELSEWHERE_M = 0.3  # distance from its last look at which the robot has another view
 
@@ -35,14 +34,14 @@ _ELSEWHERE_M = 0.3  # distance from its last look at which the robot has another
 class SelectedLook:
     """A place to look at again, and the path that it lies on."""
 
-    answer: Answer  #: look at `at_m`; go, since no look from here can decide more of the path; or there is no path
+    answer: Answer  #: "look" at `at_m`; "go": no look from here can decide more of the path; "blocked": no path
     #: nearest place of the first undecided region on the path; None unless the answer is "look"
     at_m: tuple[float, float] | None
-    #: (K, 2) float64: the optimistic shortest path, cell by cell from the robot on; empty where there is none
+    #: (K, 2) float64: the optimistic shortest path, cell by cell from the robot on; empty if there is none
     path_m: FloatArray
-    length_m: float  #: of the path; infinite where there is none
+    length_m: float  #: length of the path; infinite if there is none
     sure_m: float  #: length of the path before the robot touches undecided floor
-    reason: str  #: why, in words
+    reason: str  #: the reason, as text
 
 
 class SelectiveLook:
@@ -55,8 +54,8 @@ class SelectiveLook:
     robot_radius_m : float
         Distance that the robot's centre keeps from blocked cells.
     half_view_rad : float
-        Angle that a look shows to either side of its direction: half the view of a head that pans, or of a crop at full
-        resolution.
+        Angle that a look covers to either side of its direction: half the field of view of a panning head's camera, or
+        of a crop at full resolution.
     """
 
     def __init__(
@@ -69,7 +68,7 @@ class SelectiveLook:
         self._cell_m = as_positive("cell_m", cell_m)
         self._radius_m = as_positive("robot_radius_m", robot_radius_m)
         self._half_view_rad = as_positive("half_view_rad", half_view_rad)
-        # what was looked at, and from where
+        # place looked at and position of the robot, for each look from here
         self._looks: list[tuple[tuple[float, float], tuple[float, float]]] = []
         self._path_m: FloatArray | None = None
         self._target_m: tuple[float, float] | None = None
@@ -80,9 +79,9 @@ class SelectiveLook:
         self._path_m = None
 
     def observe(self, at_m: tuple[float, float], from_m: tuple[float, float]) -> None:
-        """Take in where a look was directed, and from where.
+        """Update with a look at `at_m` from `from_m`.
 
-        A place that `max_looks` looks leave undecided is not looked at again from here. It stays undecided, so the
+        A place that is still undecided after two looks is not looked at again from here. It stays undecided, so the
         robot must drive slowly towards it.
         """
         here = [look for look in self._looks if math.dist(look[1], from_m) < _ELSEWHERE_M]
@@ -123,7 +122,7 @@ class SelectiveLook:
         undecided = ~free & ~no_go
         room = self._away_m(no_go)
         near_unsure = self._away_m(undecided) <= self._radius_m
-        # the robot fits where it stands, even against the map; from there it may move away from blocked cells
+        # the robot's own place is free, even if the map says otherwise; from there it may move away from blocked cells
         beside = (self._from_m(start, free.shape) <= self._radius_m) & (room >= room[start])
         passable = (room > self._radius_m) | beside
         cells = self._shortest(passable, near_unsure, start, end)
@@ -155,7 +154,7 @@ class SelectiveLook:
         return i, j
 
     def _given_up(self, robot_m: tuple[float, float], corner: FloatArray, shape: tuple[int, ...]) -> BoolArray:
-        """Return the cells that have been looked at from here `max_looks` times."""
+        """Return the cells that have been looked at `_MAX_LOOKS` times from here."""
         counts = np.zeros(shape, dtype=np.int64)
         i, j = np.ogrid[: shape[0], : shape[1]]
         x, y = corner[0] + (i + 0.5) * self._cell_m, corner[1] + (j + 0.5) * self._cell_m
@@ -168,7 +167,7 @@ class SelectiveLook:
         return np.asarray(counts >= _MAX_LOOKS)
 
     def _away_m(self, cells: BoolArray) -> FloatArray:
-        """Return the distance of each cell's centre from the nearest of some cells' centres; infinite without any."""
+        """Return each cell's distance, centre to centre, from the nearest of `cells`; infinite if there are none."""
         if not cells.any():
             return np.full(cells.shape, np.inf)
         away = cv2.distanceTransform((~cells).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
@@ -202,7 +201,7 @@ class SelectiveLook:
     def _kept_path(
         self, cells: npt.NDArray[np.int64], passable: BoolArray, corner: FloatArray, start: tuple[int, int]
     ) -> npt.NDArray[np.int64]:
-        """Return the rest of the last path while it is passable and hardly longer; else the new one."""
+        """Return the rest of the last path if it is passable and hardly longer, otherwise the new path."""
         if self._path_m is None:
             return cells
         old = np.floor((self._path_m - corner) / self._cell_m).astype(np.int64)
@@ -218,7 +217,7 @@ class SelectiveLook:
     def _first_unsure(
         self, cells: npt.NDArray[np.int64], unsure: BoolArray, no_go: BoolArray, start: tuple[int, int]
     ) -> tuple[int, int] | None:
-        """Return the undecided cell that the robot on its path comes near first, of those in sight from here."""
+        """Return the first undecided cell along the path that is within the robot's radius and visible from here."""
         reach = math.ceil(self._radius_m / self._cell_m)
         seen: set[tuple[int, int]] = set()
         for i, j in cells.tolist():

@@ -16,17 +16,17 @@ from robocup_vision.normal import normal_below
 
 
 def sigma_points(pose: Pose2, covariance: npt.ArrayLike) -> FloatArray:
-    """Return (6, 3): x_m, y_m, theta_rad of equally likely poses with the mean and the covariance of an uncertain one.
+    """Return (6, 3) equally likely poses x_m, y_m, theta_rad with the mean and the covariance of an uncertain one.
 
     Parameters
     ----------
     covariance : (3, 3) float64
-        Of (x_m, y_m, theta_rad); what rounding has made negative of it counts as 0.
+        Covariance of (x_m, y_m, theta_rad); eigenvalues that are negative due to rounding count as 0.
 
     Raises
     ------
     ArgumentError
-        Something is not finite, or the covariance not (3, 3).
+        If a value is not finite, or the covariance is not (3, 3).
     """
     spread = np.asarray(covariance, dtype=np.float64)
     if spread.shape != (3, 3) or not np.isfinite(spread).all() or not np.isfinite(pose.array).all():
@@ -42,11 +42,11 @@ def clear_probability(eye_m: npt.ArrayLike, points_m: npt.ArrayLike, blockers: S
     Parameters
     ----------
     eye_m : (3,) float64
-        The camera, field frame.
+        Place of the camera, field frame, metres.
     points_m : (N, 3) float64
-        The points, field frame.
+        The points, field frame, metres.
     blockers : sequence of Disc
-        Robots that may stand between; each independent of the others.
+        Robots that may be in between; their errors are independent.
     """
     eye, points = np.asarray(eye_m, dtype=np.float64), np.asarray(points_m, dtype=np.float64).reshape(-1, 3)
     clear = np.ones(len(points))

@@ -1,7 +1,7 @@
 """Plans a shot (kick now, turn first, or go nearer first), and finds where a robot covers its own goal.
 
-The robot holds the ball. Positions and velocities of the others and its own heading are estimates with covariances. The
-value of an action is the probability of a goal, times the probability that the robot still has the ball by then.
+The robot has the ball. The positions and velocities of the others and its own heading are estimates with covariances.
+The value of an action is the probability of a goal, times the probability that the robot still has the ball then.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from robocup_vision.planning.gaps.gap_choice import Point
 
 @dataclass(frozen=True, slots=True)
 class Cover:
-    """A place to block a goal from."""
+    """A place from which a robot covers a goal."""
 
-    place_m: Point  #: for the centre of the robot that blocks
+    place_m: Point  #: place of the robot's centre
     open_rad: float  #: angle of the goal's mouth at the ball
 
 
 def cover_goal(ball: Point, posts_m: tuple[Point, Point], reach_m: float, room_m: float) -> Cover:
     """Choose the place farthest from the ball at which a robot covers the whole goal.
 
-    The place is on the bisector of the angle between the lines from the ball to the posts; both lines touch the circle
-    around it. Of a goal that is too wide the middle is covered.
+    The place is on the bisector of the angle between the lines from the ball to the posts; both lines are tangent to
+    the circle of radius `reach_m` around it. Where `room_m` makes that impossible, the middle of the goal is covered.
 
     Parameters
     ----------
     posts_m : ((float, float), (float, float))
         Inner edges of the goal's posts.
     reach_m : float
-        Distance at which a ball passes the robot's centre: the sum of both radii.
+        Sum of the radii of ball and robot.
     room_m : float
-        Distance to keep between ball and robot, at least.
+        Smallest distance between ball and robot.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def cover_goal(ball: Point, posts_m: tuple[Point, Point], reach_m: float, room_m
     return Cover((ball[0] + away_m * math.cos(middle), ball[1] + away_m * math.sin(middle)), 2 * half)
 
 
-# points of the goal's mouth that are aimed at: less than a ball apart on a goal of the small-size league
+# number of points of the goal's mouth that are aimed at: less than a ball apart on a goal of the small-size league
 _AIMS = 25
 # distances of the places to which the ball may be taken first. Nearer ones are closer together: the farther the
 # place, the less certain is what happens until then.
@@ -77,13 +77,13 @@ class ShotPlan:
     #: kick it the way the robot faces, turn to the heading first, or go to the place first
     action: Literal["kick", "turn", "go nearer"]
     place_m: Point  #: where the ball is to be kicked from
-    heading_rad: float  #: which way
-    chance: float  #: of a goal, if it is kicked there and then
-    chance_now: float  #: of a goal, if it is kicked now
-    reason: str  #: why
+    heading_rad: float  #: direction of the kick
+    chance: float  #: probability of a goal by that kick
+    chance_now: float  #: probability of a goal by a kick now
+    reason: str  #: the reason
 
     def half_turn(self) -> ShotPlan:
-        """Return the same in the frame of the other side."""
+        """Return the plan after a half turn of the field frame."""
         x, y = self.place_m
         return replace(self, place_m=(-x, -y), heading_rad=wrap_angle(self.heading_rad + math.pi))
 
@@ -99,15 +99,15 @@ class ShotPlanner:
     """
 
     posts_m: tuple[Point, Point]  #: inner edges of the left and the right post, from the attackers' side
-    ball_radius_m: float  #: of the ball
-    ball_mps: float  #: how fast a kicked ball rolls
+    ball_radius_m: float  #: radius of the ball
+    ball_mps: float  #: speed of a kicked ball
     kick_std_rad: float  #: standard deviation of the ball's direction about the kicker's heading
-    defenders: MotionLimits  #: how they can move towards a ball once it is kicked and they have reacted (`dead_time_s`)
-    #: how fast the robot can go and turn with the ball
+    defenders: MotionLimits  #: their motion towards a kicked ball, after they have reacted (`dead_time_s`)
+    #: speed and turning rate of the robot with the ball
     dribble_mps: float
     turn_rps: float
-    lost_s: float  #: mean time for which the robot holds the ball where another one can reach it
-    slips_s: float  #: the same where none can: waiting without end for a better chance is not worth it
+    lost_s: float  #: mean time until the robot loses the ball where another robot can reach it
+    slips_s: float  #: the same if no other can: it makes endless waiting for a better chance unattractive
 
     def __post_init__(self) -> None:
         require_positive(
@@ -119,14 +119,14 @@ class ShotPlanner:
     def plan(
         self, ball: Point, heading_rad: float, defenders: Sequence[Disc], place_std_m: float, heading_std_rad: float
     ) -> ShotPlan:
-        """Choose what to do with the ball that the robot holds.
+        """Choose what to do with the ball that the robot has.
 
         Parameters
         ----------
         heading_rad : float
-            The way the robot faces.
+            The robot's heading.
         defenders : sequence of Disc
-            Robots that may stop it, with velocities.
+            Robots that may stop the ball, with velocities.
         place_std_m, heading_std_rad : float
             Standard deviations of the position along each axis, and of the heading.
         """
@@ -161,10 +161,10 @@ class ShotPlanner:
         heading_std_rad: float,
         after_s: FloatArray | float = 0.0,
     ) -> FloatArray:
-        """Return the chances of a goal (...) of balls kicked from places (..., 2) at headings (...), after so long.
+        """Return the probabilities of a goal (...) by kicks from places (..., 2) at headings (...) after `after_s`.
 
-        A kick, with the errors of ball and heading, must pass between the posts, and pass each defender. A defender
-        runs for the ball once it has reacted. Until the kick it moves between the ball and the goal.
+        A kick, with the errors of position and heading, must pass between the posts, and pass each defender. Until the
+        kick a defender moves between the ball and the goal. After the kick it moves to the ball once it has reacted.
         """
         c, s = np.cos(headings_rad), np.sin(headings_rad)
         spread = math.hypot(self.kick_std_rad, heading_std_rad)
@@ -192,7 +192,10 @@ class ShotPlanner:
     def _guards(
         self, one: Disc, balls_m: FloatArray, after_s: FloatArray | float
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return a defender's position from the ball after so long, and its velocity; it heads for the shot's way."""
+        """Return a defender's position relative to the ball, x and y, and its velocity after `after_s`.
+
+        It has driven towards the line from the ball to the goal.
+        """
         limits, goal = self.defenders, np.mean(self.posts_m, axis=0)
         drifts = np.minimum(after_s, limits.dead_time_s)
         x = one.x_m + drifts * one.vx_mps - balls_m[..., 0]
@@ -202,11 +205,11 @@ class ShotPlanner:
         off_x, off_y = fraction * way_x - x, fraction * way_y - y
         runs = np.minimum(self._reach_m(np.asarray(after_s)) / np.maximum(np.hypot(off_x, off_y), 1e-9), 1.0)
         lost_mps = limits.acceleration_mps2 * np.maximum(after_s - limits.dead_time_s, 0.0)
-        kept = np.maximum(1.0 - lost_mps / max(math.hypot(one.vx_mps, one.vy_mps), 1e-9), 0.0)
-        return x + runs * off_x, y + runs * off_y, kept * one.vx_mps, kept * one.vy_mps
+        speed_ratio = np.maximum(1.0 - lost_mps / max(math.hypot(one.vx_mps, one.vy_mps), 1e-9), 0.0)
+        return x + runs * off_x, y + runs * off_y, speed_ratio * one.vx_mps, speed_ratio * one.vy_mps
 
     def _places(self, ball: Point) -> tuple[FloatArray, FloatArray]:
-        """Return the places that the ball can be kicked from, here first, and their distances."""
+        """Return the places (P, 2) for a kick, first the ball's present one, and their distances from it (P,)."""
         goal = np.mean(self.posts_m, axis=0)
         ahead = math.atan2(goal[1] - ball[1], goal[0] - ball[0])
         room = math.dist(ball, goal.tolist()) - 2 * self.ball_radius_m
@@ -227,14 +230,14 @@ class ShotPlanner:
         return np.asarray(left + fraction * (right - left))
 
     def _reach_m(self, seconds: FloatArray) -> FloatArray:
-        """Return how far a defender can be by then from where its velocity leads it."""
+        """Return how far a defender can have deviated, after `seconds`, from motion with its present velocity."""
         runs = np.maximum(seconds - self.defenders.dead_time_s, 0.0)
         return np.asarray(np.minimum(0.5 * self.defenders.acceleration_mps2 * runs**2, self.defenders.speed_mps * runs))
 
     def _reached(
         self, places: FloatArray, seconds: FloatArray, defenders: Sequence[Disc], place_std_m: float
     ) -> FloatArray:
-        """Return the probability that a defender can be at each place (P, 2) by then (P, K)."""
+        """Return the probability (P, K) that a defender can reach each place (P, 2) within each time (P, K)."""
         away = np.ones(seconds.shape)
         for one in defenders:
             x = one.x_m + seconds * one.vx_mps - places[:, None, 0]
@@ -254,6 +257,6 @@ class ShotPlanner:
             fraction = np.clip(way @ off / length2, 0.0, 1.0)
             away = np.hypot(*(off - fraction[:, None] * way).T)
             std = math.sqrt(one.variance_m2 + place_std_m**2)
-            # the robot has the ball in front of itself, so the ball touches first
+            # the robot pushes the ball in front of it, so only the ball's radius counts
             free *= np.where(fraction > 0.0, normal_below((away - one.radius_m - self.ball_radius_m) / std), 1.0)
         return free

@@ -1,1 +1,1 @@
-"""How fast to go along a path, among opponents and over floor that is not decided yet."""
+"""Speeds along a path, among opponents and over undecided floor."""

@@ -1,7 +1,8 @@
-"""Speed along a path among known obstacles: as fast as the next viewpoint is still safe; and the path's follower.
+"""Plans the speed along a path among known obstacles, and follows a path.
 
-Miura (2004), section 6.2: a look takes a fixed time, so the speed decides how far apart viewpoints lie, and how much
-error has accumulated at each. The planner simulates the return of `PathFollower` to the path.
+Miura (2004), section 6.2: the speed is the greatest at which the next viewpoint is still safe. A look takes a fixed
+time, so the speed determines the distance between viewpoints and the error that has accumulated at each. The planner
+simulates the return of `PathFollower` to the path.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ from robocup_vision.motion_limits import MotionLimits
 
 
 class PathFollower:
-    """Commands velocities towards a point ahead on the path, and to rest at its end. It has no state.
+    """Commands velocities towards a point ahead on the path, and stops at its end. It has no state.
 
     Parameters
     ----------
     ahead_s, ahead_m : float
-        Distance of that point: so many seconds at the given speed, at least so many metres. With a nearer point the
-        robot returns to the path sooner, but overshoots where the acceleration cannot follow.
+        Distance of that point: the way at the given speed in `ahead_s`, but at least `ahead_m`. With a nearer point the
+        robot returns to the path sooner, but overshoots if the acceleration limit is too low.
     """
 
     def __init__(self, limits: MotionLimits, *, ahead_s: float = 0.25, ahead_m: float = 0.12) -> None:
@@ -38,7 +39,7 @@ class PathFollower:
         prepare("planning")
 
     def ahead(self, speed_mps: float) -> float:
-        """Return how many metres ahead on the path it aims at this speed."""
+        """Return the distance ahead on the path, metres, at which the follower aims at this speed."""
         return max(self._ahead_m, self._ahead_s * speed_mps)
 
     def command(self, path_m: FloatArray, pose: Pose2, speed_mps: float) -> FloatArray:
@@ -61,7 +62,7 @@ class PathFollower:
 
 
 def checked_path(path_m: FloatArray | Sequence[Sequence[float]]) -> FloatArray:
-    """Return the path as an array the kernels take, or refuse it."""
+    """Return the path as an array for the kernels; raise ArgumentError if it is invalid."""
     path = np.array(path_m, dtype=np.float64, order="C")
     if path.ndim != 2 or path.shape[1] != 2 or len(path) < 2 or not np.isfinite(path).all():
         raise ArgumentError(f"a path must be (P, 2), P at least 2, and finite, got {path.shape}")
@@ -73,20 +74,20 @@ class SpeedPlan:
     """A safe speed."""
 
     speed_mps: float  #: largest safe speed; 0: there is none
-    safe: bool  #: whether there is one. If not, the robot stops, and looks again or goes round.
-    clearance_m: float  #: clearance at that speed in the worst possible case; negative if none is safe
-    reason: str  #: in words
+    safe: bool  #: whether there is a safe speed. If not, the robot stops, and looks again or takes another way.
+    clearance_m: float  #: clearance at that speed in the worst case considered; negative if no speed is safe
+    reason: str  #: the reason, as text
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseNoise:
-    """How the pose's error grows between looks, and how large it is after one."""
+    """The growth of the pose's error between looks, and its size after a look."""
 
-    #: standard deviation of odometry as a fraction of the way, along and across it
+    #: standard deviation of odometry as a fraction of the distance, along and across it
     along: float
     aside: float
-    #: (3, 3) float64: of a pose (x_m, y_m, theta_rad) right after a look, with the errors that all looks have in common
-    #: (calibration, map)
+    #: (3, 3) float64: covariance of a pose (x_m, y_m, theta_rad) right after a look, including the errors that all
+    #: looks have in common (calibration, map)
     look_covariance: FloatArray
 
     def __post_init__(self) -> None:
@@ -97,20 +98,19 @@ class PoseNoise:
         object.__setattr__(self, "look_covariance", covariance)
 
 
-_SIGMAS = 3.0  # number of standard deviations of the errors that count as possible
-# each speed that is tried is this fraction of the one before; so many are tried, down to a speed at which driving no
-# longer pays
+_SIGMAS = 3.0  # errors up to this number of standard deviations are considered
+# ratio of successive speeds that are tried, and their number; a robot slower than the last one gains nothing by driving
 _SLOWER_RATIO = 0.85
 _SPEEDS = 20
 
 
 class SpeedPlanner:
-    """Plans speeds along paths among discs; one serves all paths.
+    """Plans speeds along paths among discs; one object serves all paths.
 
     Parameters
     ----------
     robot_radius_m : float
-        Of the robot, and the clearance that it keeps.
+        Radius of the robot plus the clearance that it keeps.
     look_period_s, period_s : float
         Time between two looks, and between two commands.
     """
@@ -149,7 +149,9 @@ class SpeedPlanner:
         pose, covariance : Pose2, (3, 3) float64
             Estimated pose of the robot, and its covariance.
         velocity_mps : (2,)
-            Its velocity, field frame.
+            Velocity of the robot, field frame.
+        discs : sequence of Disc
+            Obstacles, field frame, as standing.
         pending_mps : (2,), optional
             The command that the robot obeys until the next one takes effect, field frame; default: the velocity.
         until_look_s : float, optional
@@ -200,7 +202,7 @@ def _sigma(covariance: FloatArray) -> float:
 
 
 def _around(discs: Sequence[Disc], which: int) -> str:
-    """Name what is narrow there: the gap that the nearest disc makes with its nearest neighbour, or the disc."""
+    """Describe the narrow place: the gap between a disc and its nearest neighbour, or the disc alone."""
     first = discs[which]
     gaps = [
         math.hypot(d.x_m - first.x_m, d.y_m - first.y_m) - d.radius_m - first.radius_m

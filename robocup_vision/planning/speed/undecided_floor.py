@@ -1,8 +1,7 @@
-"""Plans speeds towards undecided floor: so slow that it has been looked at often enough when the robot arrives.
+"""Plans speeds towards undecided floor: slow enough that it has been observed sufficiently when the robot arrives.
 
-Miura (2004), section 6.3. A region that needs n more looks, each T apart, is reached after them, with room to stop if
-something stands there: v (n T + t_dead) + v^2 / (2 a) <= d - r, where d is the way to it along the path and r the
-robot's radius.
+Miura (2004), section 6.3. A region that needs n more looks, with period T, must be reached after them, with room to
+stop: v (n T + t_dead) + v^2 / (2 a) <= d - r, where d is its distance along the path and r the robot's radius.
 """
 
 from __future__ import annotations
@@ -19,20 +18,23 @@ from robocup_vision.motion_limits import MotionLimits
 from robocup_vision.planning.gaps.gap_choice import Point
 from robocup_vision.planning.speed.speed_planner import SpeedPlan, checked_path
 
-# in `UndecidedFloor.looks`
+# values of `UndecidedFloor.looks`
 FREE, BLOCKED = -1, 0
-# step along the path, in cells: no cell is skipped
+# step along the path, in cells, so that no cell is skipped
 _STEP_CELLS = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UndecidedFloor:
-    """The floor in square cells, and the number of looks that each still needs."""
+    """The floor in square cells, and the number of looks that each still needs.
+
+    Cells outside are undecided, and need as many looks as the most undecided one inside, at least one.
+    """
 
     #: (R, C) int16: row along y, column along x: -1 free, 0 blocked for certain, n > 0 undecided for n more looks
     looks: Int16Array
-    corner_m: Point  #: outer corner of cell [0, 0], in the frame that is planned in
-    #: a cell's width. Cells outside are undecided, and need as many looks as the most undecided one inside.
+    corner_m: Point  #: outer corner of cell [0, 0], in the frame of the path
+    #: width of a cell
     cell_m: float
 
     def __post_init__(self) -> None:
@@ -45,17 +47,17 @@ class UndecidedFloor:
 
 
 def looks_to_decide(log_odds: FloatArray, gain: FloatArray, decided: float) -> Int16Array:
-    """Return for each cell the number of looks it still needs; -1: it is free, 0: it is blocked.
+    """Return (R, C) the number of looks that each cell still needs; -1: it is free, 0: it is blocked.
 
     Parameters
     ----------
     log_odds : (R, C) float64
-        Of being occupied.
+        Log-odds that each cell is occupied.
     gain : (R, C) float64
-        Decrease of the log-odds by one look from here that finds the cell free: the sensor's model. Later looks are
-        from nearer, and no worse.
+        By the sensor's model, decrease of the log-odds with one look from here that finds the cell free. Later looks
+        are from nearer, and not worse.
     decided : float
-        From +decided on a cell is blocked, from -decided on it is free.
+        A cell is blocked at log-odds of at least this, and free at most minus this.
     """
     looks = np.ceil((np.asarray(log_odds) + decided) / np.maximum(gain, 1e-6))
     looks = np.clip(looks, 1, np.iinfo(np.int16).max)
@@ -70,27 +72,27 @@ def safe_speed_mps(room_m: float, looks: int, look_period_s: float, limits: Moti
     Parameters
     ----------
     room_m : float
-        d - r: the way until the robot touches the region.
+        d - r: distance until the robot touches the region.
     looks : int
-        n, the looks needed; 0: the cell is blocked, and the next decision comes one look later.
+        n: number of looks needed; 0 (blocked) counts as 1.
     look_period_s : float
-        T.
+        T: time from one look to the next.
     limits : MotionLimits
-        With t_dead and a.
+        Contains t_dead and a.
     """
-    # before what is blocked, too, the next decision comes a look later
+    # for blocked cells, too, the next decision is made one look later
     late = max(looks, 1) * look_period_s + limits.dead_time_s
     a = limits.acceleration_mps2
     return min(limits.speed_mps, a * (math.sqrt(late**2 + 2.0 * max(room_m, 0.0) / a) - late))
 
 
 class UndecidedSpeed:
-    """Plans speeds along paths over floor that is partly undecided; one serves all paths.
+    """Plans speeds along paths over floor that is partly undecided; one object serves all paths.
 
     Parameters
     ----------
     robot_radius_m : float
-        Of the robot, and the clearance that it keeps.
+        Radius of the robot plus its clearance.
     """
 
     def __init__(self, limits: MotionLimits, robot_radius_m: float, look_period_s: float) -> None:
@@ -104,18 +106,18 @@ class UndecidedSpeed:
         Parameters
         ----------
         path_m : (P, 2) float64
-            The path from where the robot is, in the floor's frame.
+            The path from the robot's place, in the floor's frame.
         floor : UndecidedFloor
-            The cells. Those under the robot are free, since it stands there.
+            The cells. Those under the robot count as free.
         """
         path = checked_path(path_m)
         places, arcs = _walk(path, _STEP_CELLS * floor.cell_m, self._needed_m(floor))
-        # a cell counts from its nearer side on, not from its middle
+        # the robot touches a cell at its nearer side, not at its middle
         radius = self._radius_m + 0.5 * floor.cell_m
         reach = math.ceil(radius / floor.cell_m)
         around = np.arange(-reach, reach + 1)
         corner = np.array(floor.corner_m)
-        # cells (S, K) whose middle the robot covers at each place, and how many looks they need
+        # cells (S, N, N) that the robot touches at each place, and how many looks they need
         index = np.floor((places - corner) / floor.cell_m).astype(int)
         columns = index[:, 0, None, None] + around
         rows = index[:, 1, None, None] + around[:, None]
@@ -130,12 +132,12 @@ class UndecidedSpeed:
         matters = covered & (looks != FREE)
         if not matters.any():
             return SpeedPlan(self._limits.speed_mps, True, math.inf, "full speed: the way is free")
-        # at each place only what needs most looks, and what is blocked, counts
+        # at each place only the cell that needs the most looks counts
         least, why = self._limits.speed_mps, "full speed: what is undecided is far"
         clearance = math.inf
         for s in np.flatnonzero(matters.any(axis=(1, 2))).tolist():
             most = int(looks[s][matters[s]].max())
-            # the step before: there it was not touched yet
+            # at the previous step the cell was not touched yet
             room = float(arcs[max(s - 1, 0)])
             clearance = min(clearance, room)
             speed = safe_speed_mps(room, most, self._look_period_s, self._limits)
@@ -146,7 +148,7 @@ class UndecidedSpeed:
         return SpeedPlan(least, least > 0.0, clearance, why)
 
     def _needed_m(self, floor: UndecidedFloor) -> float:
-        """Return the way beyond which no cell slows the robot down."""
+        """Return the distance along the path beyond which no cell slows the robot down."""
         speed, looks = self._limits.speed_mps, max(1, int(floor.looks.max()))
         return speed * looks * self._look_period_s + self._limits.stop_m(speed) + 2.0 * floor.cell_m
 

@@ -1,7 +1,7 @@
-"""Any recorded bag: a rosbag2 folder, a .mcap or .db3 file, a ROS 1 .bag; its topics and their messages.
+"""Reads recorded bags: a rosbag2 folder, a .mcap or .db3 file, or a ROS 1 .bag; its topics and their messages.
 
-A bag is read from its message files themselves: an index, a summary or a metadata.yaml may be missing, as where a
-recorder was killed. What a file does not hold, or could not be read of it, is said in `Bag.notes`.
+A bag is read from its message files alone: the index, the summary or metadata.yaml may be missing, as after a recorder
+was killed. `Bag.notes` says what is missing or could not be read.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether a path is a recording or a bag, as far as names tell."""
+    """Whether a path is a recording or a bag, by the names of files only."""
     path = Path(path)
     if not path.is_dir():
         return _kind(path) is not None
     if (path / _METADATA).is_file():
         return True
-    # recordings beside images are somebody's images
+    # a folder with images, or with a dataset.toml, is a dataset even if it contains recordings
     has_images = any(entry.suffix.lower() in IMAGE_SUFFIXES for entry in path.iterdir())
     return not has_images and not (path / "dataset.toml").is_file() and bool(_message_files(path))
 
@@ -53,19 +53,19 @@ class _Part(ABC):
 
 
 class Bag:
-    """A folder of .mcap or .db3 files, such a file, or a ROS 1 .bag; opened as often as it is read.
+    """A folder of .mcap or .db3 files, such a file, or a ROS 1 .bag. Each reading opens the files again.
 
     Attributes
     ----------
     topics : mapping of str to str
         Names of the messages' types by topic.
     notes : list of str
-        What could not be read of it; grows while messages are read.
+        Parts that are missing or could not be read; grows while messages are read.
 
     Raises
     ------
     FileError
-        If it cannot be read.
+        If the bag cannot be read.
     RobocupVisionError
         If the extra `ros` is not installed.
     """
@@ -89,9 +89,9 @@ class Bag:
             raise FileError(path, "; ".join(["holds no message that can be read", *self.notes]))
 
     def messages(self, topic: str) -> Iterator[tuple[float, Any]]:
-        """Yield time, seconds, and message of a topic, in the order of the file; a message that is none is its error.
+        """Yield the time, seconds, and each message of a topic, in the order of the file.
 
-        Raises FileError if it cannot be read any more.
+        In place of a message that cannot be decoded a `PacketError` is yielded. Raises FileError if the bag is gone.
         """
         for file, part in self._parts:
             try:
@@ -110,7 +110,7 @@ class Bag:
             self.notes.append(text)
 
     def _files(self) -> list[Path]:
-        """Return the message files of a folder, as metadata.yaml orders them, else by number."""
+        """Return the message files of a folder, in the order of metadata.yaml or, without it, by number."""
         found = _message_files(self.path)
         named = _named_files(self.path / _METADATA)
         if named is None:
@@ -154,7 +154,7 @@ class Bag:
         return unpacked
 
     def _with_journal(self, file: Path) -> Path:
-        """Return the database, or where a killed recorder has left a journal beside it, a copy that has taken it in."""
+        """Return the database, or a copy with the journal applied if a killed recorder has left one beside it."""
         journals = [file.with_name(file.name + end) for end in ("-wal", "-journal")]
         if not any(journal.is_file() and journal.stat().st_size for journal in journals):
             return file
@@ -228,7 +228,7 @@ class _Ros1Part(_Part):
 
 
 def _kind(file: Path) -> str | None:
-    """Return the suffix that tells what a message file is; None: it is none."""
+    """Return the suffix that identifies a message file's format; None: it is not a message file."""
     plain = file.with_suffix("") if file.suffix.lower() == _PACKED else file
     # a ROS 1 recorder that was killed leaves .bag.active
     plain = plain.with_suffix("") if plain.suffix.lower() == ".active" else plain
@@ -243,14 +243,14 @@ def _message_files(folder: Path) -> list[Path]:
 
 
 def _named_files(metadata: Path) -> list[str] | None:
-    """Return the files that a metadata.yaml names; None where it is missing or cannot be read."""
+    """Return the files that a metadata.yaml names; None if it is missing or cannot be read."""
     from ruamel.yaml import YAML
 
     try:
-        # rosbag2 itself looks beside the file, whatever folder the entries name
+        # like rosbag2, look for the files beside metadata.yaml, whatever folder the entries name
         named = YAML(typ="safe").load(metadata.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
         return [Path(str(entry)).name for entry in named["relative_file_paths"]]
-    except Exception:  # any text may stand there
+    except Exception:  # a damaged file can cause many kinds of errors
         return None
 
 

@@ -1,7 +1,7 @@
-"""Recordings and bags as datasets, so that `evaluate` scores them as it scores a folder of images.
+"""Recordings and bags as datasets, so that `evaluate` can score them like a folder of images.
 
-Frames, times and odometry come from the topics of images and odometry, truth from a topic of poses. A recording of this
-library brings its field, camera and colours along; of any other bag they must be named.
+Frames, times and odometry are read from the topics of images and odometry, truth from a topic of poses. A recording of
+this library contains its field, camera and colours; for any other bag, field and camera must be given.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from robocup_vision.recording.recording import Recording
 
 
 def recorded_steering(path: str | Path) -> SteerPlan | None:
-    """Return how a recorded robot was steered; None of a bag, and of a recording without a `Steering`.
+    """Return how a recorded robot was steered; None for a bag, or a recording without a `Steering`.
 
     Raises FileError if a part of the file is damaged.
     """
@@ -68,12 +68,12 @@ def load_bag(
     path : str or Path
         A recording, a rosbag2 folder, or a .mcap or .db3 file.
     field, camera, colors, method
-        As of `load_dataset`; needed where the file is no recording of this library.
+        As in `load_dataset`; if the file is not a recording of this library, field and camera are needed.
 
     Raises
     ------
     FileError
-        If it cannot be read, a topic is missing or of another type, or it is not clear which one is meant.
+        If the file cannot be read, or a topic is missing, ambiguous or of another type.
     ArgumentError
         If `field` or `camera` is needed, or the method does not fit.
     """
@@ -111,7 +111,7 @@ def _is_recording(path: Path) -> bool:
 
 
 def _refuse_several(path: Path) -> None:
-    """Refuse a folder of recordings, each of which is a run of its own, and no part of one bag."""
+    """Refuse a folder of recordings, which are separate runs and not parts of one bag."""
     if path.is_dir():
         found = sorted(entry.name for entry in path.iterdir() if _is_recording(entry))
         if found:
@@ -138,7 +138,7 @@ def _of_recording(plain: StreamDataset, recording: Recording) -> StreamDataset:
 
 
 def _motions(motions: Sequence[Pose2 | None], kept: Sequence[int]) -> Iterator[Pose2 | None]:
-    """Yield the motion between frames that are kept, over those that are not; None where a part of it is unknown."""
+    """Yield the motion before each kept frame, since the last kept one; None if a part of it is unknown."""
     last = -1
     for index in kept:
         motion: Pose2 | None = Pose2(0.0, 0.0, 0.0)

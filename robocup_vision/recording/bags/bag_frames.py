@@ -1,4 +1,4 @@
-"""Frames, times, odometry and truth of any bag, by its topics."""
+"""Reads frames, times, odometry and truth from the topics of any bag."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _POSES = (
 
 @dataclass(frozen=True, slots=True)
 class BagTopics:
-    """Which topics are read; None: the one of a fitting type, if there is just one.
+    """Names of the topics to read; None: the only topic of a suitable type.
 
     Parameters
     ----------
     image, truth, odometry : str or None
-        Their names.
+        Without `truth`, a topic whose name ends in ``/truth/pose`` is read, if there is one.
     """
 
     image: str | None = None
@@ -44,10 +44,9 @@ class BagTopics:
 
 
 def dataset_of_bag(plain: StreamDataset, bag: Bag, topics: BagTopics) -> StreamDataset:
-    """Return a dataset with a bag's frames; its notes say what of the bag is not used.
+    """Return a dataset with a bag's frames; its notes say which parts of the bag are not used.
 
-    Raises FileError if a topic is missing or of another type, or it is not clear which one is meant, or if there is no
-    frame.
+    Raises FileError if a topic is missing, ambiguous or of another type, or if there are no frames.
     """
     image_topic = _topic(bag, "image", topics.image, IMAGE_TYPES) or ""
     truth_topic = None if topics.truth is None else _topic(bag, "truth", topics.truth, _POSES)
@@ -60,7 +59,7 @@ def dataset_of_bag(plain: StreamDataset, bag: Bag, topics: BagTopics) -> StreamD
     if not images.stamps_s:
         raise FileError(bag.path, "; ".join([f"topic {image_topic} has no message", *bag.notes]))
     truth, odometry = (PoseTopic.read(bag, topic) for topic in (truth_topic, odometry_topic))
-    # one clock for all: where a topic has no stamps, the times of logging are the only ones that all share
+    # one clock for all: if a topic has no stamps, only the times of logging are common to all
     unstamped = [read.topic for read in (images, truth.times, odometry.times) if not read.has_stamps]
     if unstamped:
         notes.append(
@@ -78,7 +77,7 @@ def dataset_of_bag(plain: StreamDataset, bag: Bag, topics: BagTopics) -> StreamD
         )
     order = [times_s[index] for index in usable]
     notes += order_note(f"{where} {image_topic}", order, [place for place, i in enumerate(usable) if i in set(kept)])
-    # after time went back, messages say nothing of the frames before
+    # messages from after time went back do not belong to the frames before
     span_s = (images.logged_s[kept[0]], images.logged_s[kept[-1]]) if _goes_back(order) else None
     true_poses, moves = (poses.in_time(by_stamps=not unstamped, logged_within_s=span_s) for poses in (truth, odometry))
     notes += truth.notes(where, "only positions are scored") + odometry.notes(where, "not used")
@@ -132,7 +131,7 @@ def _full_pose(there: Truth | None) -> Pose2 | None:
 def _odometry_topic(bag: Bag, wanted: str | None, truth_topic: str | None, notes: list[str]) -> str | None:
     if wanted is not None:
         return _topic(bag, "odometry", wanted, _ODOMETRY)
-    # the truth is no odometry, though it may be of that type
+    # the truth may be of the same type, but is not odometry
     fitting = sorted(name for name, kind in bag.topics.items() if kind in _ODOMETRY and name != truth_topic)
     if len(fitting) > 1:
         named = ", ".join(fitting)
@@ -141,7 +140,7 @@ def _odometry_topic(bag: Bag, wanted: str | None, truth_topic: str | None, notes
 
 
 def _camera_info_note(bag: Bag, image_topic: str, camera: OmniCamera | PinholeCamera) -> list[str]:
-    """Say where the camera_info beside the images is of another camera than the camera file."""
+    """Return a note if the camera_info beside the images contradicts the camera file; else nothing."""
     # /camera/image_raw and /camera/image_raw/compressed have /camera/camera_info
     beside = [str(PurePosixPath(folder) / "camera_info") for folder in PurePosixPath(image_topic).parents]
     topic = next((name for name in beside if bag.topics.get(name) == "sensor_msgs/msg/CameraInfo"), None)

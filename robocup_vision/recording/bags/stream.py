@@ -11,9 +11,9 @@ from robocup_vision.arrays import UInt8Array
 from robocup_vision.evaluation.dataset import Dataset, FrameTime, Truth
 from robocup_vision.geometry import wrap_angle
 
-# between poses farther apart than this the robot's pose is unknown
+# longest time between two poses that is interpolated
 MAX_GAP_S = 0.5
-# a pose so near in time is taken as it is
+# a pose within this time is used without interpolation
 _SAME_TIME_S = 1e-4
 
 Frames = Iterator[UInt8Array | FrameError]
@@ -28,7 +28,7 @@ def _nothing() -> Frames:
 class StreamDataset(Dataset):
     """A dataset whose frames are read in order, from a recording or a bag."""
 
-    open_frames: Callable[[], Frames] = _nothing  #: returns the frames from the first on
+    open_frames: Callable[[], Frames] = _nothing  #: returns an iterator over the frames, from the first on
 
     @property
     def is_video(self) -> bool:
@@ -36,7 +36,7 @@ class StreamDataset(Dataset):
         return True
 
     def read_frames(self) -> Frames:
-        """Read all frames; where one cannot be used, yield the error in its place."""
+        """Read all frames; for one that cannot be used, yield the error instead."""
         width, height = self.camera.size_px
         for name, frame in zip(self.image_names, self.open_frames(), strict=False):
             if isinstance(frame, FrameError) or frame.shape == (height, width, 3):
@@ -55,20 +55,22 @@ def with_frames(
     truth: Poses,
     notes: Sequence[str],
 ) -> StreamDataset:
-    """Return a dataset that has no frames yet with those of a file; raises FileError if none is kept.
+    """Return a dataset with the frames of a file added; raises FileError if none of them is kept.
 
     Parameters
     ----------
     count : int
-        Frames in the file.
+        Number of frames in the file.
     kept : sequence of int
-        Ascending numbers of the frames that are used.
+        Ascending indices of the frames that are used.
+    times : sequence of FrameTime
+        Times of the kept frames.
     frames : callable
         Opens the file and yields all its frames.
     truth : sequence of (float, Truth or None)
-        As `pose_at` takes it.
+        Times and true poses, as for `pose_at`.
     notes : sequence of str
-        What was noticed when the file was read.
+        Notes for the user on the file.
     """
     if not kept:
         raise FileError(dataset.path, "holds no frame")
@@ -91,11 +93,10 @@ def with_frames(
 
 
 def pose_at(poses: Poses, t_s: float) -> Truth | None:
-    """Return the pose at a time, interpolated linearly between those before and after it.
+    """Return the pose at a time, interpolated linearly between the poses before and after it.
 
-    The times ascend, in seconds; a pose that is None is not known. The result is None before the first pose, after the
-    last one, between two that are more than `MAX_GAP_S` apart, and where one of the two is None. It has no heading
-    where one of the two has none.
+    The times ascend; None means that the pose is unknown. The result is None before the first pose, after the last one,
+    between two that are more than `MAX_GAP_S` apart, and if either is None. It has no heading if either has none.
     """
     at = bisect.bisect_left(poses, t_s, key=lambda pose: pose[0])
     near = [poses[index] for index in (at - 1, at) if 0 <= index < len(poses)]
@@ -115,7 +116,7 @@ def pose_at(poses: Poses, t_s: float) -> Truth | None:
 
 
 def order_note(where: str, times_s: Sequence[float], kept: Sequence[int]) -> list[str]:
-    """Return a note on the frames that are left out because they are not later than those before, if there are any."""
+    """Return a note on the frames that are left out because their times are not in order, if there are any."""
     left_out = sorted(set(range(len(times_s))) - set(kept))
     if not left_out:
         return []

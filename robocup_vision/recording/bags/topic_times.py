@@ -1,8 +1,8 @@
-"""When the messages of a bag's topic were taken, and the poses of a topic as truth or odometry.
+"""Times of the messages of a bag's topic, and the poses of a topic as truth or odometry.
 
-Headers' stamps may be missing or wrong. A stamp is compared with when its message was logged: the two clocks may differ
-in offset and rate, but a stamp far from where the others put its message is ignored. Poses that cannot be used are
-counted, and reported.
+Headers' stamps may be missing or wrong. Each is compared with the time at which its message was logged. The two clocks
+may differ in offset and rate, but a stamp that deviates much more than the others is ignored. Poses that cannot be used
+are counted and reported.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ from robocup_vision.recording.bags.bag import Bag
 
 # longest delay of a message before it is logged
 _MAX_DELAY_S = 10.0
-# a clock of another rate, such as a slow simulator's, drifts away from that of the log: in median absolute deviations
+# largest deviation due to clocks of different rates, such as a slow simulator's, in median absolute deviations
 _MAX_DRIFT = 20.0
-# largest difference of times that count as logged together
+# tolerance at both ends of a span of logging times
 _TOGETHER_S = 0.5
 
 
 @dataclass(frozen=True)
 class TopicTimes:
-    """When each message of a topic was taken, and when it was logged."""
+    """The stamp and the logging time of each message of a topic."""
 
     topic: str
-    stamps_s: tuple[float, ...]  #: by the headers; NaN where a message cannot be read
-    logged_s: tuple[float, ...]  #: by the bag
+    stamps_s: tuple[float, ...]  #: stamps of the headers; NaN if a message cannot be read
+    logged_s: tuple[float, ...]  #: times of logging, by the bag
 
     @property
     def has_stamps(self) -> bool:
-        """Whether anybody has filled the stamps in: one that is 0 among others is a time like any other."""
+        """Whether the stamps are filled in, which they are not if all are 0."""
         return any(stamp != 0.0 for stamp in self.stamps_s if not math.isnan(stamp)) or not self.stamps_s
 
     @property
     def off(self) -> frozenset[int]:
-        """Numbers of the messages whose stamps are not of the clock of the others."""
+        """Numbers of the messages whose stamps are from another clock than the others."""
         apart = [stamp - logged for stamp, logged in zip(self.stamps_s, self.logged_s, strict=True)]
         known = [value for value in apart if not math.isnan(value)]
         if not known:
@@ -54,9 +54,9 @@ class TopicTimes:
         return frozenset(index for index, value in enumerate(apart) if abs(value - middle) > bound)
 
     def times_s(self, *, by_stamps: bool) -> list[float]:
-        """Return when each message was taken: by its stamp, or else when it was logged.
+        """Return the times of the messages, by their stamps or by when they were logged.
 
-        Where a message cannot be read, what was logged stands in, on the clock of the stamps before.
+        A message that cannot be read gets its time of logging, plus the last known difference of the two clocks.
         """
         if not by_stamps:
             return list(self.logged_s)
@@ -69,11 +69,11 @@ class TopicTimes:
 
 
 def rising(times_s: Sequence[float]) -> list[int]:
-    """Return the places of the longest part of a sequence that rises strictly; of several the earliest.
+    """Return the indices of the longest strictly rising subsequence; of several, the earliest.
 
-    A time that is wrong so costs itself alone, and not those that come after it.
+    So a wrong time is skipped alone, without those that follow it.
     """
-    # how many can follow each place, itself included; by length, the largest value that such a part begins with
+    # longest rising subsequence from each place on; for each length, the negated largest value it can begin with
     begins: list[float] = []
     lengths = [0] * len(times_s)
     for place in reversed(range(len(times_s))):
@@ -88,20 +88,20 @@ def rising(times_s: Sequence[float]) -> list[int]:
 
 
 def stamp_s(message: Any) -> float:
-    """Return the stamp of a message's header; NaN where the message could not be read."""
+    """Return the stamp of a message's header; NaN if the message could not be read."""
     return math.nan if isinstance(message, PacketError) else to_seconds(message.header.stamp)
 
 
 @dataclass(frozen=True)
 class PoseTopic:
-    """What stands in a topic of poses."""
+    """The messages of a topic of poses."""
 
-    times: TopicTimes  #: when
-    poses: tuple[Truth | PacketError, ...]  #: where; or why a message tells no place
+    times: TopicTimes  #: times of the messages
+    poses: tuple[Truth | PacketError, ...]  #: their poses, or why a message does not contain one
 
     @classmethod
     def read(cls, bag: Bag, topic: str | None) -> PoseTopic:
-        """Read a topic; empty without one."""
+        """Read a topic; the result is empty if `topic` is None."""
         stamps, logged, poses = [], [], []
         for logged_s, message in () if topic is None else bag.messages(topic):
             stamps.append(stamp_s(message))
@@ -112,9 +112,9 @@ class PoseTopic:
     def in_time(
         self, *, by_stamps: bool, logged_within_s: tuple[float, float] | None = None
     ) -> list[tuple[float, Truth | None]]:
-        """Return the poses by ascending time, of messages that were logged within a span if there is one.
+        """Return the poses by ascending time, only of messages that were logged within a span if one is given.
 
-        None where a message tells no place: nobody knew it then.
+        The pose is None for a message without a usable one.
         """
         times_s = self.times.times_s(by_stamps=by_stamps)
         off = self.times.off if by_stamps else frozenset()
@@ -127,7 +127,7 @@ class PoseTopic:
         return sorted(found, key=lambda timed: timed[0])
 
     def notes(self, where: str, without_heading: str) -> list[str]:
-        """Say what is not used, or without its heading, how often, and when first."""
+        """Return notes on the poses that are not used or have no heading: number and first time of each kind."""
         stamps = self.times.times_s(by_stamps=True)
         bad = [index for index, pose in enumerate(self.poses) if isinstance(pose, PacketError)]
         turnless = [

@@ -1,1 +1,1 @@
-"""How the league's messages are laid out, and how they become values and bytes."""
+"""Layout of the league's messages, and their conversion to values and bytes."""

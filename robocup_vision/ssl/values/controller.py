@@ -1,4 +1,4 @@
-"""What an automatic referee and a team tell the game controller, and what it replies."""
+"""Messages of automatic referees and teams to the game controller, and its replies."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robocup_vision.ssl.values.simulation import Team
 
 
 class ReplyStatus(OpenEnum):
-    """Whether the game controller did what it was asked."""
+    """Whether the game controller accepted a message."""
 
     UNKNOWN = 0
     OK = 1
@@ -17,7 +17,7 @@ class ReplyStatus(OpenEnum):
 
 
 class EventKind(OpenEnum):
-    """What happened; those that an automatic referee here tells."""
+    """Kind of an event; only those that our automatic referee reports."""
 
     UNKNOWN = 0
     PLACEMENT_SUCCEEDED = 5
@@ -34,7 +34,7 @@ class EventKind(OpenEnum):
 
 
 class AdvantageChoice(OpenEnum):
-    """What a team wants when the other one has fouled it."""
+    """What a team wants after a foul of the other one."""
 
     STOP = 0
     CONTINUE = 1
@@ -42,7 +42,7 @@ class AdvantageChoice(OpenEnum):
 
 @message_value("controller.ControllerReply")
 class ControllerReply(Message):
-    """What the game controller replies to each message; `reason` says why it rejected one."""
+    """The game controller's reply to each message; `reason` says why it rejected one."""
 
     status: Annotated[ReplyStatus | None, Wire(1, "status_code")] = None
     reason: Annotated[str | None, Wire(2)] = None
@@ -51,14 +51,14 @@ class ControllerReply(Message):
 
 @message_value("controller.ControllerToClient")
 class ControllerMessage(Message):
-    """A message of the game controller: to an automatic referee and to a team it is laid out alike."""
+    """A message of the game controller, in the same format for automatic referees and teams."""
 
     reply: Annotated[ControllerReply | None, Wire(1, "controller_reply")] = None
 
 
 @message_value("controller.Vector2")
 class Place(Message):
-    """A point of the floor, field frame, metres."""
+    """A point on the floor, field frame, metres."""
 
     x_m: Annotated[float, Wire(1, "x")]
     y_m: Annotated[float, Wire(2, "y")]
@@ -66,7 +66,7 @@ class Place(Message):
 
 @message_value("controller.ByRobot")
 class ByRobot(Message):
-    """Which robot did something, where, and by how much: m/s or metres."""
+    """A robot that did something, the place, and the amount in m/s or metres, depending on the event."""
 
     team: Annotated[Team, Wire(1, "by_team")]
     number: Annotated[int | None, Wire(2, "by_bot")] = None
@@ -76,7 +76,7 @@ class ByRobot(Message):
 
 @message_value("controller.PlacementSucceeded")
 class PlacementSucceeded(Message):
-    """A team has placed the ball: in which time, how near to its place, and how far it was."""
+    """A team has placed the ball: time taken, remaining distance to the place, and initial distance."""
 
     team: Annotated[Team, Wire(1, "by_team")]
     took_s: Annotated[float | None, Wire(2, "time_taken")] = None
@@ -86,7 +86,7 @@ class PlacementSucceeded(Message):
 
 @message_value("controller.Goal")
 class Goal(Message):
-    """The ball is in a goal: for which team, kicked by whom, and how high it flew at most."""
+    """The ball is in a goal: the team that scored, the robot that kicked, and the ball's greatest height."""
 
     team: Annotated[Team, Wire(1, "by_team")]
     kicking_team: Annotated[Team | None, Wire(6)] = None
@@ -98,7 +98,7 @@ class Goal(Message):
 
 @message_value("controller.GameEvent")
 class RefereeEvent(Message):
-    """Something that an automatic referee has seen: its kind, when (microseconds since 1970), and one of the fields."""
+    """An event seen by an automatic referee: its kind, its time (microseconds since 1970), and one of the fields."""
 
     kind: Annotated[EventKind | None, Wire(40, "type")] = None
     time_us: Annotated[int | None, Wire(49, "created_timestamp", kind="uint64")] = None
@@ -116,7 +116,7 @@ class RefereeEvent(Message):
 
 
 def referee_event(kind: EventKind, what: ByRobot | PlacementSucceeded | Goal, time_us: int) -> RefereeEvent:
-    """Return the event that tells what happened."""
+    """Return an event with its details in the field for its kind."""
     return RefereeEvent(kind, time_us, **{kind.name.lower(): what})  # type: ignore[arg-type]
 
 
@@ -136,7 +136,7 @@ class AutoRefMessage(Message):
 
 @message_value("controller.TeamRegistration")
 class TeamRegistration(Message):
-    """The first message of a team; its name as the game controller has it."""
+    """The first message of a team, with its name as in the game controller."""
 
     team_name: Annotated[str, Wire(1)]
     team: Annotated[Team | None, Wire(3)] = None
@@ -144,7 +144,7 @@ class TeamRegistration(Message):
 
 @message_value("controller.TeamToController")
 class TeamMessage(Message):
-    """A wish of a team: one of the fields."""
+    """A request of a team, in one of the fields."""
 
     desired_keeper: Annotated[int | None, Wire(2, kind="int32")] = None
     advantage_choice: Annotated[AdvantageChoice | None, Wire(3)] = None

@@ -1,4 +1,4 @@
-"""The field and the cameras above it, as vision systems send them."""
+"""Messages with the field and the cameras above it, as vision systems send them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ MM_PER_M = 1000.0
 
 
 class LineKind(OpenEnum):
-    """Which line of a field one is; the league's names, seen from above with +x to the right."""
+    """Kind of a field line, by the league's names, as seen from above with +x to the right."""
 
     UNDEFINED = 0
     CENTER_CIRCLE = 1
@@ -30,7 +30,7 @@ class LineKind(OpenEnum):
 
 @message_value("vision.Vector2f")
 class FloorPoint(Message):
-    """A point of the floor, field frame."""
+    """A point on the floor, field frame."""
 
     x_m: Annotated[float, Wire(1, "x", MM_PER_M)]
     y_m: Annotated[float, Wire(2, "y", MM_PER_M)]
@@ -38,7 +38,7 @@ class FloorPoint(Message):
 
 @message_value("vision.SSL_FieldLineSegment")
 class FieldLine(Message):
-    """A straight line from `start` to `end`, its name and width."""
+    """A straight line from `start` to `end` with name and width."""
 
     name: Annotated[str, Wire(1)]
     start: Annotated[FloorPoint, Wire(2, "p1")]
@@ -49,7 +49,7 @@ class FieldLine(Message):
 
 @message_value("vision.SSL_FieldCircularArc")
 class FieldArc(Message):
-    """An arc counter-clockwise from `start_rad` to `end_rad`, its name and width."""
+    """An arc, counter-clockwise from `start_rad` to `end_rad`, with name and width."""
 
     name: Annotated[str, Wire(1)]
     center: Annotated[FloorPoint, Wire(2)]
@@ -62,7 +62,7 @@ class FieldArc(Message):
 
 @message_value("vision.SSL_GeometryFieldSize")
 class FieldSize(Message):
-    """A field's size and lines; whole millimetres in the message, so that finer ones are rounded.
+    """A field's size and lines; most lengths are rounded to whole millimetres in the message.
 
     `boundary_width_m` is the strip beyond the touch lines, and beyond the goal lines too unless
     `goal_line_boundary_width_m` is given.
@@ -96,12 +96,12 @@ class CameraCalibration(Message):
     """One overhead camera."""
 
     camera_id: Annotated[int, Wire(1)]  #: as in its detections
-    #: an undistorted radius is ``r (1 + distortion r^2)`` of the distorted one, both over the focal length
+    #: a distorted radius r belongs to the undistorted radius ``r (1 + distortion r^2)``, both over the focal length
     focal_length_px: Annotated[float, Wire(2, "focal_length")]
     principal_x_px: Annotated[float, Wire(3, "principal_point_x")]
     principal_y_px: Annotated[float, Wire(4, "principal_point_y")]
     distortion: Annotated[float, Wire(5)]
-    #: quaternion that turns the field frame into the camera's. Some simulators send four equal numbers.
+    #: quaternion of the rotation from the field frame into the camera's; some simulators send four equal numbers
     q_x: Annotated[float, Wire(6, "q0")]
     q_y: Annotated[float, Wire(7, "q1")]
     q_z: Annotated[float, Wire(8, "q2")]
@@ -121,7 +121,7 @@ class CameraCalibration(Message):
 
 @message_value("vision.SSL_BallModelStraightTwoPhase")
 class RollingBall(Message):
-    """How a kicked ball slows down: sliding, then rolling from `switch_ratio` of its first speed on."""
+    """How a kicked ball slows down: it slides, and rolls from when `switch_ratio` of its initial speed is left."""
 
     slide_mps2: Annotated[float, Wire(1, "acc_slide", kind="double")]
     roll_mps2: Annotated[float, Wire(2, "acc_roll", kind="double")]
@@ -130,7 +130,7 @@ class RollingBall(Message):
 
 @message_value("vision.SSL_BallModelChipFixedLoss")
 class BouncingBall(Message):
-    """Fractions of its velocity that a chipped ball keeps at a bounce: along the floor at the first, later, and up."""
+    """Fractions of its velocity that a chipped ball keeps at a bounce: along the floor (first, later), and upwards."""
 
     first_floor_ratio: Annotated[float, Wire(1, "damping_xy_first_hop", kind="double")]
     later_floor_ratio: Annotated[float, Wire(2, "damping_xy_other_hops", kind="double")]

@@ -1,4 +1,4 @@
-"""Messages of the game controller: stage, command, teams. Its whole microseconds stay whole, so that none is lost."""
+"""Messages of the game controller: stage, command, teams. Times stay integer microseconds, so that none is rounded."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from robocup_vision.ssl.values.tracked import TrackerPacket
 
 
 class Stage(OpenEnum):
-    """Where in a match we are."""
+    """Stage of a match."""
 
     NORMAL_FIRST_HALF_PRE = 0
     NORMAL_FIRST_HALF = 1
@@ -52,7 +52,7 @@ class RefereeCommand(OpenEnum):
 
 
 class MatchType(OpenEnum):
-    """What is at stake."""
+    """Kind of a match."""
 
     UNKNOWN = 0
     GROUP_PHASE = 1
@@ -61,7 +61,7 @@ class MatchType(OpenEnum):
 
 
 class HullColor(OpenEnum):
-    """Of a team's robots."""
+    """Brightness of the hulls of a team's robots."""
 
     UNKNOWN = 0
     DARK = 1
@@ -70,7 +70,7 @@ class HullColor(OpenEnum):
 
 @message_value("referee.TeamInfo")
 class TeamInfo(Message):
-    """One team: its goals, cards, time-outs (microseconds), and the number of its goalkeeper."""
+    """One team: its goals, cards, time-outs (their time in microseconds), and the number of its goalkeeper."""
 
     name: Annotated[str, Wire(1)]
     score: Annotated[int, Wire(2)]
@@ -94,7 +94,7 @@ class TeamInfo(Message):
 
 @message_value("referee.GameEvent")
 class GameEvent(Message):
-    """Something that happened; kept as it came, in `unknown`."""
+    """An event; its fields are kept undecoded in `unknown`."""
 
 
 @message_value("referee.GameEventProposalGroup")
@@ -110,8 +110,8 @@ class GameEventProposals(Message):
 class Referee(Message):
     """One datagram of the game controller.
 
-    Times ending in ``_us`` are microseconds, the stamps since 1970. A command is a new one when `command_counter` is
-    another; packets are repeated, and any may be lost.
+    Times ending in ``_us`` are microseconds, stamps since 1970. A command is new if `command_counter` has changed.
+    Packets are repeated, and any of them may be lost.
     """
 
     packet_time_us: Annotated[int, Wire(1, "packet_timestamp", kind="uint64")]
@@ -122,7 +122,7 @@ class Referee(Message):
     yellow: Annotated[TeamInfo, Wire(7)]
     blue: Annotated[TeamInfo, Wire(8)]
     stage_time_left_us: Annotated[int | None, Wire(3, "stage_time_left", kind="sint64")] = None
-    designated_position: Annotated[FloorPoint | None, Wire(9)] = None  #: where the ball shall be placed
+    designated_position: Annotated[FloorPoint | None, Wire(9)] = None  #: where the ball is to be placed
     blue_on_positive_half: Annotated[bool | None, Wire(10, "blue_team_on_positive_half")] = None
     next_command: Annotated[RefereeCommand | None, Wire(12)] = None
     game_events: Annotated[tuple[GameEvent, ...], Wire(16)] = ()
@@ -135,7 +135,7 @@ class Referee(Message):
 
 @message_value("referee.CiInput")
 class CiInput(Message):
-    """Message of a simulator to a game controller that runs at the simulator's speed; `time_ns` is simulated time."""
+    """Message of a simulator to a game controller that runs on simulated time, which is `time_ns`."""
 
     time_ns: Annotated[int | None, Wire(1, "timestamp", kind="int64")] = None
     tracker: Annotated[TrackerPacket | None, Wire(2, "tracker_packet")] = None
@@ -144,6 +144,6 @@ class CiInput(Message):
 
 @message_value("referee.CiOutput")
 class CiOutput(Message):
-    """What the game controller answers."""
+    """The game controller's answer."""
 
     referee: Annotated[Referee | None, Wire(1, "referee_msg")] = None

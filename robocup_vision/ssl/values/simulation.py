@@ -1,6 +1,6 @@
-"""What a league simulator takes and answers: where things are put, what robots shall do, what they feel.
+"""Messages of a league simulator's control: placing objects, settings, robot commands and feedback.
 
-A field that is None is left out of the message, and the simulator keeps what it has.
+A field that is None is omitted from the message, and the simulator keeps its present value.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from robocup_vision.ssl.values.geometry import Geometry
 
 DEGREES_PER_RAD = math.degrees(1.0)
 RPM_PER_RPS = 60 / math.tau
-# how a `RobotMotion` is named in a feedback's `custom`
+# type URL of a `RobotMotion` in a feedback's `custom`
 MOTION_TYPE = "robocup_vision/RobotMotion"
 
 
 class Team(OpenEnum):
-    """Which team."""
+    """The teams."""
 
     UNKNOWN = 0
     YELLOW = 1
@@ -28,7 +28,7 @@ class Team(OpenEnum):
 
 @message_value("simulation.Any")
 class AnyMessage(Message):
-    """A message of a kind that only some programs know: the kind's name, and its bytes."""
+    """A message of a type that only some programs know: the type's name, and the bytes."""
 
     type_url: Annotated[str | None, Wire(1)] = None
     value: Annotated[bytes | None, Wire(2)] = None
@@ -49,7 +49,7 @@ class RobotId(Message):
 
 @message_value("simulation.SimulatorError")
 class SimulatorError(Message):
-    """What a simulator did not do: a code for programs, words for people."""
+    """An error of a simulator: a code for programs, a message for people."""
 
     code: Annotated[str | None, Wire(1)] = None
     message: Annotated[str | None, Wire(2)] = None
@@ -57,7 +57,7 @@ class SimulatorError(Message):
 
 @message_value("simulation.RobotLimits")
 class LeagueRobotLimits(Message):
-    """How fast robots speed up, brake, drive and turn at most."""
+    """Greatest accelerations, decelerations, speed and turning rate of robots."""
 
     speed_up_mps2: Annotated[float | None, Wire(1, "acc_speedup_absolute_max")] = None
     turn_speed_up_rps2: Annotated[float | None, Wire(2, "acc_speedup_angular_max")] = None
@@ -69,7 +69,7 @@ class LeagueRobotLimits(Message):
 
 @message_value("simulation.RobotWheelAngles")
 class WheelAngles(Message):
-    """Where a robot's wheels sit, counter-clockwise from straight ahead."""
+    """Directions of a robot's wheels from its centre, counter-clockwise from straight ahead."""
 
     front_right_rad: Annotated[float, Wire(1, "front_right")]
     back_right_rad: Annotated[float, Wire(2, "back_right")]
@@ -79,7 +79,7 @@ class WheelAngles(Message):
 
 @message_value("simulation.RobotSpecs")
 class RobotSpecs(Message):
-    """What one robot is like."""
+    """The specification of one robot."""
 
     robot: Annotated[RobotId, Wire(1, "id")]
     radius_m: Annotated[float | None, Wire(2, "radius")] = None
@@ -95,7 +95,7 @@ class RobotSpecs(Message):
 
 @message_value("simulation.RealismConfig")
 class RealismConfig(Message):
-    """How real a simulator is, in messages that each simulator has of its own."""
+    """The realism of a simulator (noise, delays, losses), in messages of its own type."""
 
     custom: Annotated[tuple[AnyMessage, ...], Wire(1)] = ()
 
@@ -131,7 +131,7 @@ class ErForceRobotSpec(Message):
 
 @message_value("simulation.SimulatorConfig")
 class SimulatorConfig(Message):
-    """What a simulator shall be set to."""
+    """Settings of a simulator."""
 
     geometry: Annotated[Geometry | None, Wire(1)] = None
     robot_specs: Annotated[tuple[RobotSpecs, ...], Wire(2)] = ()
@@ -141,7 +141,7 @@ class SimulatorConfig(Message):
 
 @message_value("simulation.TeleportBall")
 class TeleportBall(Message):
-    """Where to put the ball and how it shall move; `roll`: it rolls at once instead of sliding first."""
+    """A new position and velocity of the ball; `roll`: it rolls at once instead of sliding first."""
 
     x_m: Annotated[float | None, Wire(1, "x")] = None
     y_m: Annotated[float | None, Wire(2, "y")] = None
@@ -156,7 +156,7 @@ class TeleportBall(Message):
 
 @message_value("simulation.TeleportRobot")
 class TeleportRobot(Message):
-    """Where to put a robot, how it shall move, and whether it is on the field at all."""
+    """A new pose and velocity of a robot, and whether it is on the field at all."""
 
     robot: Annotated[RobotId, Wire(1, "id")]
     x_m: Annotated[float | None, Wire(2, "x")] = None
@@ -171,7 +171,7 @@ class TeleportRobot(Message):
 
 @message_value("simulation.SimulatorControl")
 class SimulatorControl(Message):
-    """What is put where, and how fast simulated time goes (1: as a clock)."""
+    """Placing of ball and robots, and the speed of simulated time (1: real time)."""
 
     ball: Annotated[TeleportBall | None, Wire(1, "teleport_ball")] = None
     robots: Annotated[tuple[TeleportRobot, ...], Wire(2, "teleport_robot")] = ()
@@ -188,14 +188,14 @@ class SimulatorCommand(Message):
 
 @message_value("simulation.SimulatorResponse")
 class SimulatorResponse(Message):
-    """What it answers; a command without errors need not be answered."""
+    """A simulator's answer; a command without errors need not be answered."""
 
     errors: Annotated[tuple[SimulatorError, ...], Wire(1)] = ()
 
 
 @message_value("simulation.MoveWheelVelocity")
 class WheelVelocities(Message):
-    """Speeds of the wheels' rims, metres a second."""
+    """Speeds of the wheels' rims, metres per second."""
 
     front_right_mps: Annotated[float, Wire(1, "front_right")]
     back_right_mps: Annotated[float, Wire(2, "back_right")]
@@ -223,7 +223,7 @@ class GlobalVelocity(Message):
 
 @message_value("simulation.RobotMoveCommand")
 class MoveCommand(Message):
-    """How a robot shall move: one of the three."""
+    """A robot's commanded velocity, in one of three forms."""
 
     wheels: Annotated[WheelVelocities | None, Wire(1, "wheel_velocity")] = None
     local: Annotated[LocalVelocity | None, Wire(2, "local_velocity")] = None
@@ -232,7 +232,7 @@ class MoveCommand(Message):
 
 @message_value("simulation.RobotCommand")
 class RobotCommand(Message):
-    """What one robot shall do; a `kick_angle_rad` above 0 chips the ball up at that angle."""
+    """A command to one robot; a `kick_angle_rad` above 0 chips the ball at that angle."""
 
     number: Annotated[int, Wire(1, "id")]
     move: Annotated[MoveCommand | None, Wire(2, "move_command")] = None
@@ -250,7 +250,7 @@ class RobotControl(Message):
 
 @message_value("simulation.RobotFeedback")
 class RobotFeedback(Message):
-    """What one robot feels."""
+    """Feedback of one robot."""
 
     number: Annotated[int, Wire(1, "id")]
     ball_contact: Annotated[bool | None, Wire(2, "dribbler_ball_contact")] = None
@@ -259,7 +259,7 @@ class RobotFeedback(Message):
 
 @message_value("simulation.RobotMotion")
 class RobotMotion(Message):
-    """How a robot of this project's simulator moves, as its wheels tell it: robot frame; a feedback's `custom`."""
+    """The velocity of a robot of this project's simulator, robot frame; in the `custom` of its feedback."""
 
     forward_mps: Annotated[float | None, Wire(1, "forward")] = None
     left_mps: Annotated[float | None, Wire(2, "left")] = None
@@ -268,7 +268,7 @@ class RobotMotion(Message):
 
 @message_value("simulation.RobotControlResponse")
 class RobotControlResponse(Message):
-    """What the robots of a team answer."""
+    """The answer of a team's robots."""
 
     errors: Annotated[tuple[SimulatorError, ...], Wire(1)] = ()
     feedback: Annotated[tuple[RobotFeedback, ...], Wire(2)] = ()
@@ -276,7 +276,7 @@ class RobotControlResponse(Message):
 
 @message_value("simulation.SimulationSyncRequest")
 class SyncRequest(Message):
-    """Asks a simulator to go on by `step_s` and to answer with what was seen."""
+    """Asks a simulator to advance by `step_s` and to answer with the detections."""
 
     step_s: Annotated[float | None, Wire(1, "sim_step")] = None
     command: Annotated[SimulatorCommand | None, Wire(2, "simulator_command")] = None
@@ -285,7 +285,7 @@ class SyncRequest(Message):
 
 @message_value("simulation.SimulationSyncResponse")
 class SyncResponse(Message):
-    """The frames of that step, and the robots' answer."""
+    """The detections after the step, and the robots' answer."""
 
     detections: Annotated[tuple[DetectionFrame, ...], Wire(1, "detection")] = ()
     robots: Annotated[RobotControlResponse | None, Wire(2, "robot_control_response")] = None

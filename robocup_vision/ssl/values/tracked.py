@@ -1,4 +1,4 @@
-"""A tracker's estimate: one world over all cameras, with velocities. The message is in metres already."""
+"""Messages with a tracker's estimate of the world from all cameras, with velocities; lengths are in metres."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from robocup_vision.ssl.values.simulation import Team
 
 
 class Capability(OpenEnum):
-    """What a tracker can do."""
+    """Abilities of a tracker."""
 
     UNKNOWN = 0
     DETECT_FLYING_BALLS = 1
@@ -19,7 +19,7 @@ class Capability(OpenEnum):
 
 @message_value("tracked.Vector2")
 class Vector2(Message):
-    """Along the floor, field frame, metres or metres a second."""
+    """A vector along the floor, field frame, metres or metres per second."""
 
     x: Annotated[float, Wire(1)]
     y: Annotated[float, Wire(2)]
@@ -27,7 +27,7 @@ class Vector2(Message):
 
 @message_value("tracked.Vector3")
 class Vector3(Message):
-    """In space, field frame, z up, metres or metres a second."""
+    """A vector in space, field frame, z up, metres or metres per second."""
 
     x: Annotated[float, Wire(1)]
     y: Annotated[float, Wire(2)]
@@ -44,7 +44,7 @@ class TrackedRobotId(Message):
 
 @message_value("tracked.TrackedBall")
 class TrackedBall(Message):
-    """A ball, how it moves, and how well it is seen (0 to 1)."""
+    """A ball with its velocity and visibility (0 to 1)."""
 
     position_m: Annotated[Vector3, Wire(1, "pos")]
     velocity_mps: Annotated[Vector3 | None, Wire(2, "vel")] = None
@@ -53,7 +53,7 @@ class TrackedBall(Message):
 
 @message_value("tracked.KickedBall")
 class KickedBall(Message):
-    """A ball as it was kicked: when, where, how fast, by whom, and where it will lie still."""
+    """A kick: time, place, velocity and robot, and where and when the ball will stop."""
 
     position_m: Annotated[Vector2, Wire(1, "pos")]
     velocity_mps: Annotated[Vector3, Wire(2, "vel")]
@@ -65,7 +65,7 @@ class KickedBall(Message):
 
 @message_value("tracked.TrackedRobot")
 class TrackedRobot(Message):
-    """A robot, how it moves, and how well it is seen (0 to 1)."""
+    """A robot with its velocities and visibility (0 to 1)."""
 
     robot: Annotated[TrackedRobotId, Wire(1, "robot_id")]
     position_m: Annotated[Vector2, Wire(2, "pos")]
@@ -77,7 +77,7 @@ class TrackedRobot(Message):
 
 @message_value("tracked.TrackedFrame")
 class TrackedFrame(Message):
-    """The world at one moment, seconds since 1970."""
+    """The world at one moment; `t_s` counts seconds since 1970."""
 
     frame_number: Annotated[int, Wire(1)]
     t_s: Annotated[float, Wire(2, "timestamp", kind="double")]

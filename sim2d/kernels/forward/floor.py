@@ -1,6 +1,6 @@
-"""Compiled: one tile of a forward camera's frame without what stands there: carpet, ground, lines, ball's shade, room.
+"""Compiled: the floor in one tile of a forward camera's frame: light, lines, shade of balls, and the carpet's edge.
 
-A pixel's footprint on the floor follows from how its ray changes by u and by v; paint is averaged over it.
+A pixel's footprint on the floor follows from how its ray changes with u and v; paint is averaged over it.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from sim2d.kernels.forward.values import Tile, View
 from sim2d.kernels.things import RADIUS, X0, Y0
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
-_MIN_DROP = np.float32(1e-6)  # of a ray that still meets the floor
+_MIN_DROP = np.float32(1e-6)  # least downward component of a ray that meets the floor
 
 
 @compiled(error_model="numpy")
 def fill_floor(view: View, tile: Tile) -> None:
-    """Fill a tile's `tone` with the light on the floor, before any colour."""
+    """Fill a tile's `tone` with the light on the floor, without colour."""
     rays, eye, light, out = tile.rays, view.here, view.lit, tile.tone
     here = light[0] + light[1] * eye[0] + light[2] * eye[1]
     along_x, along_y, least, height = light[1], light[2], light[3], eye[2]
@@ -33,7 +33,7 @@ def fill_floor(view: View, tile: Tile) -> None:
 
 @compiled(error_model="numpy")
 def cover_line(view: View, number: int, part: tuple[int, int], tile: Tile) -> None:
-    """Raise a tile's painted fractions to those of a straight line, which may meet pixels part[0] to part[1] - 1."""
+    """Raise a tile's painted fractions to those of a straight line, which can only meet pixels part[0]:part[1]."""
     line, half_m, eye = view.paint.lines[number], view.paint.half_m, view.here
     rays, steps, covered = tile.rays, tile.steps, tile.covered
     tx, ty, height = np.float32(line[2]), np.float32(line[3]), eye[2]
@@ -103,7 +103,7 @@ def shade_floor(view: View, number: int, tile: Tile) -> None:
 
 @compiled(error_model="numpy")
 def end_carpet(view: View, tile: Tile) -> None:
-    """Fill a tile's `covered` with how much of each pixel is carpet, where edges of the carpet may cross it."""
+    """Fill `covered` with each pixel's fraction of carpet, in a tile that edges of the carpet may cross."""
     paint, eye, rays, steps, carpet = view.paint, view.here, tile.rays, tile.steps, tile.covered
     near, near_count = tile.seen[EDGE], tile.seen_count[EDGE]
     if not paint.is_convex:
@@ -133,7 +133,7 @@ def end_carpet(view: View, tile: Tile) -> None:
 
 @compiled(error_model="numpy")
 def _end_any_carpet(view: View, tile: Tile) -> None:
-    """End a carpet of any shape."""
+    """As `end_carpet`, for a carpet of any shape."""
     edges, eye, rays, steps, carpet = view.paint.edges, view.here, tile.rays, tile.steps, tile.covered
     near, near_count = tile.seen[EDGE], tile.seen_count[EDGE]
     for i in range(len(carpet)):

@@ -1,7 +1,7 @@
-"""Compiled: where in a forward camera's image lines and things may be seen, so that a tile draws those alone.
+"""Compiled bounds of where a forward camera's image may show lines and things, so that a tile draws only its own.
 
-A thing's outline is the hull of a few points around it. The hull is bounded along four axes in the plane of slopes,
-where a straight edge is straight whatever the lens does to the image.
+A thing's outline is the convex hull of a few points around it. The hull is bounded along four axes in the plane of
+slopes, in which straight edges stay straight whatever the lens's distortion.
 """
 
 from __future__ import annotations
@@ -19,33 +19,33 @@ from sim2d.kernels.things import BALL, BAR, BOX, CYLINDER, HEIGHT, KIND, OTHER, 
 
 # kinds of owners
 EDGE, LINE, ARC, SHADE, THING, NET = range(6)
-# rows after those of the kinds: the outlines of the things, lines and nets that a tile may show
+# rows of `Tile.seen` after those of the kinds: outline numbers of the things, lines and nets that a tile may show
 THING_ROWS, LINE_ROWS, NET_ROWS = NET + 1, NET + 2, NET + 3
-# an arc is bounded in so many pieces a full turn
+# number of pieces, per full turn, in which an arc is bounded
 ARC_PIECES = 24
-_NEAR_M = 0.01  # nothing nearer to the camera's plane is seen
+_NEAR_M = 0.01  # points nearer to the camera's plane are clipped
 _POINTS = 8
 
 
 @compiled(error_model="numpy")
 def bound_hull(points: FloatArray, count: int, eye: ForwardEye, thin: float, out: Float32Array) -> int:
-    """Bound the hull of points as the camera sees it.
+    """Bound the convex hull of points in the camera's view.
 
     Parameters
     ----------
     points : (P, 3) float64
-        From the eye, field axes, metres; the first `count` count.
+        Points relative to the eye, field axes, metres; only the first `count` are used.
     count : int
         At most 8.
     thin : float
-        Slope below which a hull is called thin.
+        Width, in slope, below which a hull is called thin.
     out : (10,) float32
-        A row of `Outlines.bounds`, filled.
+        A row of `Outlines.bounds`; overwritten.
 
     Returns
     -------
     int
-        -1: wholly behind the camera; 1: thin; 0 otherwise.
+        -1: entirely behind the camera; 1: thin; 0 otherwise.
     """
     rotation = eye.rotation
     camera = np.empty((_POINTS, 3))
@@ -90,7 +90,7 @@ def bound_hull(points: FloatArray, count: int, eye: ForwardEye, thin: float, out
 
 @compiled(inline="always")
 def _add(points: FloatArray, count: int, eye: ForwardEye, thin: float, kind: int, k: int, n: int, to: Outlines) -> int:
-    """Append the outline of points to `to`, which holds n; return the new n."""
+    """Append the outline of points to `to`, which has n outlines; return the new n."""
     found = bound_hull(points, count, eye, thin, to.bounds[n])
     if found < 0:
         return n
@@ -100,14 +100,14 @@ def _add(points: FloatArray, count: int, eye: ForwardEye, thin: float, kind: int
 
 @compiled(error_model="numpy")
 def outline_floor(paint: FloorPaint, eye: ForwardEye, thin: float, to: Outlines) -> int:
-    """Fill in the outlines of the carpet's edges, of lines and of arcs; return how many.
+    """Write the outlines of the carpet's edges, of lines and of arcs; return their number.
 
     Parameters
     ----------
     thin : float
         As in `bound_hull`.
     to : Outlines
-        Filled from row 0 on.
+        Overwritten from row 0 on.
     """
     points = np.empty((_POINTS, 3))
     points[:, 2] = -eye.height_m
@@ -144,7 +144,7 @@ def outline_floor(paint: FloorPaint, eye: ForwardEye, thin: float, to: Outlines)
 
 @compiled(inline="always")
 def _square(x: float, y: float, half: float, low: float, high: float, points: FloatArray) -> None:
-    """Fill in the corners of an upright block around (x, y)."""
+    """Write the corners of an upright block around (x, y) into `points`."""
     for corner in range(8):
         points[corner, 0] = x + (half if corner & 1 else -half)
         points[corner, 1] = y + (half if corner & 2 else -half)
@@ -153,14 +153,14 @@ def _square(x: float, y: float, half: float, low: float, high: float, points: Fl
 
 @compiled(error_model="numpy")
 def outline_things(things: UprightThings, eye: ForwardEye, thin: float, n: int, to: Outlines) -> int:
-    """Append the outlines of things and of balls' shades to n outlines; return how many there are.
+    """Append the outlines of things and of balls' shadows to n outlines; return the new number.
 
     Parameters
     ----------
     thin : float
         As in `bound_hull`.
     to : Outlines
-        Filled from row n on.
+        Overwritten from row n on.
     """
     points = np.empty((_POINTS, 3))
     for k in range(len(things.rows)):
@@ -168,7 +168,7 @@ def outline_things(things: UprightThings, eye: ForwardEye, thin: float, n: int, 
         kind, foot, x, y = int(row[KIND]), -eye.height_m, row[X0] - eye.x_m, row[Y0] - eye.y_m
         top, radius = foot + row[HEIGHT], row[RADIUS]
         if kind == CYLINDER:
-            # the square whose sides face the eye
+            # the circumscribed square with one side facing the eye
             away = max(math.hypot(x, y), 1e-9)
             ax, ay = x / away * radius, y / away * radius
             for corner in range(8):
@@ -205,12 +205,12 @@ def outline_things(things: UprightThings, eye: ForwardEye, thin: float, n: int, 
 
 @compiled(error_model="numpy")
 def outline_nets(nets: Nets, eye: ForwardEye, n: int, to: Outlines) -> int:
-    """Append the outlines of nets to n outlines; return how many there are.
+    """Append the outlines of nets to n outlines; return the new number.
 
     Parameters
     ----------
     to : Outlines
-        Filled from row n on.
+        Overwritten from row n on.
     """
     points = np.empty((_POINTS, 3))
     at = eye.x_m, eye.y_m, eye.height_m
@@ -229,7 +229,7 @@ def outline_nets(nets: Nets, eye: ForwardEye, n: int, to: Outlines) -> int:
 
 @compiled(inline="always")
 def overlaps(bounds: Float32Array, left: float, right: float, upper: float, lower: float) -> bool:
-    """Return whether a rectangle of slopes may meet a row of `Outlines.bounds`."""
+    """Return whether a rectangle of slopes may overlap an outline, a row of `Outlines.bounds`."""
     if bounds[0] > right or bounds[1] < left or bounds[2] > lower or bounds[3] < upper:
         return False
     x, y, half_x, half_y = (left + right) / 2, (upper + lower) / 2, (right - left) / 2, (lower - upper) / 2

@@ -1,4 +1,4 @@
-"""Compiled: the rays of a tile's pixels, through the lens and as a camera turns while its rows are read."""
+"""Compiled: the rays of a tile's pixels, with the lens and the camera's rotation while its rows are read."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 @compiled(error_model="numpy", inline="always")
 def turned(right: float, down: float, part: float, tx: float, ty: float, tz: float) -> tuple[float, float]:
-    """Return the slopes of a ray in the axes of the middle row, if the camera has turned by `part` of (tx, ty, tz)."""
+    """Return a ray's slopes in the axes of the middle row, if the camera has rotated by `part` of (tx, ty, tz)."""
     ahead = 1.0 + part * (tz * right - ty * down)
     return (right - part * (tz + tx * down)) / ahead, (down + part * (tx * right + ty)) / ahead
 
 
 @compiled(error_model="numpy", inline="always")
 def camera_ray(rotation: FloatArray, right: float, down: float) -> tuple[float, float, float]:
-    """Return the ray of slopes, field axes."""
+    """Return the ray with slopes to the right and down, field axes."""
     dx = rotation[0, 0] - rotation[0, 1] * right - rotation[0, 2] * down
     dy = rotation[1, 0] - rotation[1, 1] * right - rotation[1, 2] * down
     dz = rotation[2, 0] - rotation[2, 1] * right - rotation[2, 2] * down
@@ -31,7 +31,7 @@ def camera_ray(rotation: FloatArray, right: float, down: float) -> tuple[float, 
 
 @compiled(error_model="numpy")
 def turn_bounds(bounds: Float32Array, shutter: tuple[float, float, float, float], v0: int, rows: int) -> None:
-    """Turn the bounds of a row of tiles, whose first pixels' row is v0, as its pixels are turned."""
+    """Rotate the bounds of a row of tiles, which begins in pixel row v0, as the slopes of its pixels are rotated."""
     tx, ty, tz, per_row = shutter
     for column in range(len(bounds)):
         left, right, upper, lower = bounds[column]
@@ -46,7 +46,7 @@ def turn_bounds(bounds: Float32Array, shutter: tuple[float, float, float, float]
 
 @compiled(error_model="numpy")
 def turn_slopes(tile: Tile, rows: Float32Array, v0: int, shutter: tuple[float, float, float, float]) -> None:
-    """Turn the slopes of a tile, and their change by a pixel, as the camera turns while its rows are read."""
+    """Apply the camera's rotation during readout to the slopes of a tile, and to their change per pixel."""
     slopes, per_pixel = tile.slopes, tile.per_pixel
     tx, ty, tz = np.float32(shutter[0]), np.float32(shutter[1]), np.float32(shutter[2])
     per_row, first = np.float32(shutter[3]), np.float32(v0 * shutter[3] - 0.5)
@@ -63,13 +63,13 @@ def turn_slopes(tile: Tile, rows: Float32Array, v0: int, shutter: tuple[float, f
 
 @compiled(error_model="numpy")
 def fill_slopes(lens: ForwardLens, row: int, column: int, tile: Tile) -> None:
-    """Fill in the slopes of a tile's pixels, and their change by a pixel."""
+    """Fill in the slopes of a tile's pixels, and their change per pixel."""
     tile.per_pixel[:] = lens.per_pixel[row, column]
     per_pixel, right, down = tile.per_pixel, tile.slopes[0], tile.slopes[1]
     if len(lens.slopes):
         right[:], down[:] = lens.slopes[row, column, 0], lens.slopes[row, column, 1]
         return
-    # the middle of the first pixel lies half a pixel within the tile's corner
+    # the middle of the first pixel is half a pixel inside the tile's corner
     by_u, by_v, places_u, places_v = per_pixel[0], per_pixel[3], lens.places[0], lens.places[1]
     first_right = np.float32(lens.corner_slopes[row, 2 * column, 0]) + by_u * _HALF
     first_down = np.float32(lens.corner_slopes[row, 2 * column, 1]) + by_v * _HALF
@@ -79,7 +79,7 @@ def fill_slopes(lens: ForwardLens, row: int, column: int, tile: Tile) -> None:
 
 @compiled(error_model="numpy")
 def cast(rotation: FloatArray, tile: Tile) -> None:
-    """Fill in the rays of a tile from its slopes, and the change of a ray by a pixel."""
+    """Fill in the rays of a tile from its slopes, and their change per pixel."""
     right, down, per_pixel, rays, steps = tile.slopes[0], tile.slopes[1], tile.per_pixel, tile.rays, tile.steps
     for axis in range(3):
         ahead, left, up = rotation[axis, 0], rotation[axis, 1], rotation[axis, 2]
@@ -93,14 +93,14 @@ def cast(rotation: FloatArray, tile: Tile) -> None:
 
 @compiled(error_model="numpy")
 def cast_corners(tile: Tile) -> None:
-    """Fill in the rays through the corners of a tile's pixels from those through their middles."""
+    """Fill in the rays through the corners of a tile's pixels, from those through their middles."""
     (rows, columns), rays, steps, corner_rays = tile.shape, tile.rays, tile.steps, tile.corner_rays
     wide = columns + 1
     for axis in range(3):
         by_u, by_v = np.float32(steps[0, axis]), np.float32(steps[1, axis])
         of_axis, of_corner = rays[axis], corner_rays[axis]
         for v in range(rows + 1):
-            # the last row and column go on from the pixels before them
+            # the last row and column are extrapolated from the last pixels
             below = v == rows
             back = (by_u + by_v) * _HALF - (by_v if below else _ZERO)
             start, put, many = np.uintp((v - below) * columns), np.uintp(v * wide), np.uintp(columns)
@@ -111,7 +111,7 @@ def cast_corners(tile: Tile) -> None:
 
 @compiled(error_model="numpy")
 def pixels_of(bounds: Float32Array, tile: Tile) -> tuple[int, int, int, int]:
-    """Return the first and last row, first and last column of a tile in which an outline may be seen, with a margin."""
+    """Return the first and last row, first and last column of a tile that an outline may cover, with a margin."""
     (rows, columns), per_pixel = tile.shape, tile.per_pixel
     across_v = abs(per_pixel[1]) * rows + per_pixel[0]  # a lens bends columns and rows
     across_u = abs(per_pixel[2]) * columns + per_pixel[3]

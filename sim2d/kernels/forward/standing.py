@@ -1,4 +1,4 @@
-"""Compiled: what stands in a tile, drawn over its floor and room; by four rays where an edge crosses a pixel."""
+"""Compiled: draws things and nets over a tile's floor and room, with four rays per pixel at edges."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from sim2d.kernels.things import ID_BITS, KIND, meet_grid, meet_thing, row_of
 
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _FAR = np.float32(1e29)
-# places of the four rays in a pixel, as `rays.sample_offsets(2)` has them
+# places of the four rays in a pixel, as in `rays.sample_offsets(2)`
 _SAMPLES_U = (-0.375, -0.125, 0.125, 0.375)
 _SAMPLES_V = (-0.125, 0.375, -0.375, 0.125)
 
 
 @compiled(error_model="numpy")
 def draw_things(view: View, tile: Tile) -> None:
-    """Draw things over a tile's floor and room; `nearest` keeps how far away they are, and their share of a pixel."""
+    """Draw things over a tile's floor and room; `nearest` gets their distance and their fraction of each pixel."""
     (rows, columns), height, outlines = tile.shape, view.here[2], view.outlines
     near, near_rows, near_count = tile.seen[THING], tile.seen[THING_ROWS], tile.seen_count[THING]
     rays, of_tile, per_pixel, colors, nearest = tile.rays, tile.slopes, tile.per_pixel, tile.colors, tile.nearest
@@ -68,7 +68,7 @@ def draw_things(view: View, tile: Tile) -> None:
 
 @compiled(error_model="numpy")
 def _draw_edge(view: View, tile: Tile, i: int) -> None:
-    """Draw things over a pixel by four rays."""
+    """Draw things over a pixel with four rays."""
     near, near_count, rays, steps = tile.seen[THING], tile.seen_count[THING], tile.rays, tile.steps
     here, lit, lamp, paints, colors, nearest = view.here, view.lit, view.lamp, view.colors, tile.colors, tile.nearest
     ux, uy, uz = np.float32(steps[0, 0]), np.float32(steps[0, 1]), np.float32(steps[0, 2])
@@ -101,7 +101,7 @@ def _draw_edge(view: View, tile: Tile, i: int) -> None:
 
 @compiled(error_model="numpy")
 def draw_net(view: View, tile: Tile, n: int) -> None:
-    """Lay the nth net that a tile may show over it."""
+    """Draw the nth of the nets that may be visible in a tile."""
     here, lit, color, steps, colors = view.here, view.lit, view.nets.color, tile.steps, tile.colors
     v0, v1, u0, u1 = pixels_of(view.outlines.bounds[tile.seen[NET_ROWS, n]], tile)
     axes, start, sizes = from_eye(view.nets.rows[tile.seen[NET, n]], here)
@@ -110,7 +110,7 @@ def draw_net(view: View, tile: Tile, n: int) -> None:
     level, per_x, per_y, least = lit[0] + lit[1] * here[0] + lit[2] * here[1], lit[1], lit[2], lit[3]
     cord_b, cord_g, cord_r = color[0], color[1], color[2]
     blue, green, red = colors[0], colors[1], colors[2]
-    ray_x, ray_y, ray_z, depth, share = tile.rays[0], tile.rays[1], tile.rays[2], tile.nearest[0], tile.nearest[1]
+    ray_x, ray_y, ray_z, depth, fraction = tile.rays[0], tile.rays[1], tile.rays[2], tile.nearest[0], tile.nearest[1]
     many = np.uintp(max(u1 - u0 + 1, 0))
     for v in range(v0, v1 + 1):
         first = np.uintp(v * tile.shape[1] + u0)
@@ -118,7 +118,7 @@ def draw_net(view: View, tile: Tile, n: int) -> None:
             i = first + u
             x, y = ray_x[i], ray_y[i]
             t, covered = cover(start, sizes, along_axes(axes, x, y, ray_z[i]), by_u, by_v)
-            covered *= _ONE - (share[i] if depth[i] < t else _ZERO)
+            covered *= _ONE - (fraction[i] if depth[i] < t else _ZERO)
             bright = max(level + t * (per_x * x + per_y * y), least)
             blue[i] += covered * (bright * cord_b - blue[i])
             green[i] += covered * (bright * cord_g - green[i])

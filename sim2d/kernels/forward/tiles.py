@@ -1,7 +1,7 @@
-"""Compiled: a forward camera's frame, tile by tile: the empty floor and the room, then what stands there.
+"""Compiled renderer of a forward camera's frame, tile by tile: first the floor and the room, then what stands there.
 
-A tile's pixels stay in the processor's cache. One ray through each corner of a pixel tells whether an edge crosses it;
-only such pixels get four rays, those that the slow renderer gives every pixel.
+A tile's pixels stay in the processor's cache. One ray through each corner of a pixel shows whether an edge crosses the
+pixel. Only such pixels get the four rays that the slow renderer gives every pixel.
 """
 
 from __future__ import annotations
@@ -60,13 +60,13 @@ def draw_forward(
     Parameters
     ----------
     light : Lighting
-        On everything but the wall.
+        The light on everything except the wall.
     outlines : Outlines
-        Room for all of them; changed.
+        Memory for the outlines of all objects; overwritten.
     shape : (int, int)
-        Rows and columns of pixels of a tile.
+        Number of pixel rows and columns of a tile.
     planes : (3, H, W) uint8
-        Blue, green, red of the frame, filled.
+        Blue, green and red of the frame; overwritten.
     """
     here = np.array([eye.x_m, eye.y_m, eye.height_m], dtype=np.float32)
     lit = np.array([light.level, light.per_m_x, light.per_m_y, light.min_level], dtype=np.float32)
@@ -146,9 +146,9 @@ def _new_tile(shape: tuple[int, int], owners: int) -> Tile:
 
 @compiled(error_model="numpy")
 def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture, tall_px: int, tile_px: int) -> FloatArray:
-    """Return where the rays of the tiles' corners meet the wall: column and height (m).
+    """Return where the rays through the tiles' corners meet the wall, (rows, columns, 2): wall column and height, m.
 
-    Only what tiles need that are not surely all floor; other columns are NaN.
+    Columns are NaN at corners that only belong to tiles which certainly show nothing but floor.
     """
     rotation, turn = eye.rotation, eye.turn_rad
     is_turning = turn[0] != 0 or turn[1] != 0 or turn[2] != 0
@@ -186,7 +186,7 @@ def _wall_at_corners(lens: ForwardLens, eye: ForwardEye, wall: WallPicture, tall
 
 @compiled(error_model="numpy")
 def _find_owners(bounds: Float32Array, outlines: Outlines, active: Int32Array, tile: Tile) -> None:
-    """List by kind what may be seen in a tile, each once."""
+    """List the objects that a tile may show in `tile.seen`, by kind, each once."""
     seen, seen_count = tile.seen, tile.seen_count
     seen_count[:] = 0
     left, right, upper, lower = bounds[0], bounds[1], bounds[2], bounds[3]
@@ -207,7 +207,10 @@ def _find_owners(bounds: Float32Array, outlines: Outlines, active: Int32Array, t
 
 @compiled(error_model="numpy")
 def _wall_corners(at_corners: FloatArray, row: int, column: int, turn: int, corners: FloatArray) -> int:
-    """Fill in where corners and middles of a tile's sides meet the wall, without a jump; return what it shows."""
+    """Fill `corners` with where a tile's corners and the middles of its upper and lower side meet the wall.
+
+    The columns are unwrapped, so that they do not jump by a turn. Returns whether the tile shows floor, room or both.
+    """
     low, high, least = math.inf, -math.inf, math.inf
     first = at_corners[row, 2 * column, 0]
     for v in range(2):
@@ -228,7 +231,7 @@ def _wall_corners(at_corners: FloatArray, row: int, column: int, turn: int, corn
 
 @compiled(error_model="numpy")
 def _floor_color(lens: ForwardLens, row: int, column: int, paint: FloorPaint, eye: ForwardEye) -> Float32Array:
-    """Return the colour of a tile that shows nothing but floor, without any edge."""
+    """Return the colour, carpet or ground, of a tile that shows only floor without any edge."""
     right, down = lens.corner_slopes[row, 2 * column + 1, 0], lens.corner_slopes[row, 2 * column + 1, 1]
     dx, dy, dz = camera_ray(eye.rotation, right, down)
     scale = -eye.height_m / dz
@@ -239,10 +242,10 @@ def _floor_color(lens: ForwardLens, row: int, column: int, paint: FloorPaint, ey
 
 @compiled(error_model="numpy")
 def _tone_of_floor(rotation: FloatArray, here: Float32Array, lit: Float32Array) -> FloorTone:
-    """Return how light the floor is by a ray's slopes.
+    """Return the coefficients that give the floor's brightness by a ray's slopes.
 
-    Three numbers of `fill_floor`'s numerator, and three of how far down the ray goes, by 1 and the slopes right and
-    down; then the level at the eye's foot, and the least one.
+    The first three are coefficients, of 1 and the slopes right and down, of the numerator in `fill_floor`; the next
+    three of the ray's downward component. Then come the level at the eye's foot and the smallest level.
     """
     along = np.empty(3)
     for axis in range(3):
@@ -270,7 +273,7 @@ def _store_floor(
     size_px: tuple[int, int],
     planes: UInt8Array,
 ) -> None:
-    """Put a tile of plain floor into the frame: as `fill_floor` and `_store`, at once."""
+    """Write a tile of plain floor into the frame: `fill_floor` and `_store` in one pass."""
     height, width = size_px
     v0, u0 = row * shape[0], column * shape[1]
     rows, many = min(shape[0], height - v0), np.uintp(min(shape[1], width - u0))
@@ -286,7 +289,7 @@ def _store_floor(
     if is_bent:
         right, down = lens.slopes[row, column, 0], lens.slopes[row, column, 1]
         first_right, first_down, by_u, by_v = _ZERO, _ZERO, _ONE, _ONE
-    # the same in terms of what `right` and `down` hold
+    # the same coefficients, for the values that `right` and `down` contain
     a0, a1, a2 = a0 - a1 * first_right - a2 * first_down, a1 * by_u, a2 * by_v
     d0, d1, d2 = d0 - d1 * first_right - d2 * first_down, d1 * by_u, d2 * by_v
     for v in range(rows):
@@ -331,7 +334,7 @@ def _draw_floor(view: View, tile: Tile) -> None:
         end_carpet(view, tile)
         is_carpet = False
     else:
-        for i in (0, pixels - 1):  # on the floor, if the tile shows any, at one of these
+        for i in (0, pixels - 1):  # if the tile shows any floor, then at one of these pixels
             if rays[2, i] < _ZERO:
                 scale = -here[2] / rays[2, i]
                 x, y = here[0] + scale * rays[0, i], here[1] + scale * rays[1, i]
@@ -349,7 +352,7 @@ def _draw_floor(view: View, tile: Tile) -> None:
 
 @compiled(error_model="numpy")
 def _store(lens: ForwardLens, row: int, column: int, tile: Tile, size_px: tuple[int, int], planes: UInt8Array) -> None:
-    """Put a tile into the frame through the lens."""
+    """Write a tile into the frame, with the lens's gain at each pixel."""
     (height, width), (tall, wide), colors = size_px, tile.shape, tile.colors
     v0, u0 = row * tall, column * wide
     rows, many = min(tall, height - v0), np.uintp(min(wide, width - u0))

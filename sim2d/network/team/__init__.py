@@ -1,1 +1,1 @@
-"""A team of the small-size league by overhead vision: it drives robots of any league simulator."""
+"""A team of the small-size league that plays by overhead vision, with the robots of any league simulator."""

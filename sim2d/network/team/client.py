@@ -1,4 +1,4 @@
-"""A team on the network: vision and referee in, robots' commands out, at 30 commands a second."""
+"""Plays a team on the network: receives vision and referee, and sends the robots 30 commands per second."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from robocup_vision.ssl.values.simulation import Team
 from sim2d.network.team.team import LIMITS, OverheadTeam
 from sim2d.robot_link import CONTROL_PERIOD_S
 
-# where clocks of vision and this machine differ by more, vision's delay cannot be told: a usual one is taken then
+# A larger apparent delay means that vision's clock differs from this machine's; then the usual delay is assumed.
 _MAX_DELAY_S, _USUAL_DELAY_S = 0.2, 0.03
-# until what is sent is obeyed: half a period of the simulator, and the way there
-_WAY_S = 0.01
-# vision that is silent for so long, or whose clock stands still: robots stand still
+# time until a command is obeyed: half a period of the simulator, and the transmission
+_COMMAND_DELAY_S = 0.01
+# no commands are sent if vision is silent, or its clock does not advance, for this time: the robots then stop
 _BLIND_S = 0.3
-# read at once: two control periods of eight cameras
+# greatest numbers of frames, two control periods of eight cameras, and of answers read at once
 _MAX_FRAMES, _MAX_ANSWERS = 48, 100
-# a keeper that has not been seen for so long is not there; asked again after as long
+# a keeper that has not been seen for the first time is absent; another one is requested, at most once in the second
 _ABSENT_S, _AGAIN_S = 2.0, 5.0
 
 
@@ -39,18 +39,18 @@ class TeamClient(Closing):
     Parameters
     ----------
     speed_mps : float
-        How fast the robots drive at most.
+        The robots' greatest speed.
     interface : str
-        On which vision and referee are listened to.
+        Network interface on which vision and referee are received.
     robot_port : int, optional
-        Default: the league's for that team.
+        Default: the league's port for that team.
     controller_host : str, optional
-        Where a game controller runs that is told who keeps the goal.
+        Host of a game controller, at which the team requests its keeper.
 
     Raises
     ------
     ArgumentError
-        If the field has no goals, or an address cannot be had.
+        If the field has no goals, or an address cannot be used.
     """
 
     def __init__(
@@ -87,27 +87,27 @@ class TeamClient(Closing):
 
     @property
     def bad_datagrams(self) -> int:
-        """How many datagrams could not be read."""
+        """Number of datagrams that could not be decoded."""
         return self._vision.bad_datagrams + self._referee.bad_datagrams + self._robots.bad_datagrams
 
     @property
     def is_blind(self) -> bool:
-        """Whether vision has been silent for a while, or its clock has stood still."""
+        """Whether vision has been silent, or its clock has not advanced, for `_BLIND_S`."""
         return time.monotonic() - self._heard_s > _BLIND_S
 
     @property
     def problems(self) -> Problems:
-        """What was odd about vision, referee and robots."""
+        """Problems with vision, referee and robots so far."""
         return self.team.problems
 
     def run(self, goes_on: Callable[[], bool]) -> None:
-        """Play for as long as a function says, which is asked before every command."""
+        """Play as long as `goes_on`, which is called before every command, returns true."""
         self._due_s = time.monotonic()
         while goes_on():
             self.turn()
 
     def turn(self) -> None:
-        """Listen until the next commands are due, and send them."""
+        """Receive packets until the next commands are due, and send these."""
         sources: list[VisionClient | RefereeClient | RobotClient] = [self._vision, self._referee, self._robots]
         while True:
             left_s = self._due_s - time.monotonic()
@@ -115,18 +115,18 @@ class TeamClient(Closing):
             self._hear()
             if not ready or left_s <= 0:
                 break
-        # a machine that could not keep up does not hurry after
+        # a machine that is too slow gives up the lost time instead of catching up
         self._due_s = max(self._due_s + CONTROL_PERIOD_S, time.monotonic())
         if self.is_blind:
             return
         now_s = self.team.seen_s + self._delay_s + (time.monotonic() - self._heard_s)
-        commands = self.team.commands(now_s + _WAY_S)
+        commands = self.team.commands(now_s + _COMMAND_DELAY_S)
         if commands:
             self._robots.send(commands)
             self.sent += 1
 
     def _hear(self) -> None:
-        # the referee first: however much vision sends, a halt is obeyed
+        # the referee first, so that a halt is obeyed however much vision sends
         for command in self._referee.receive_newest():
             self.team.hear_referee(command, self._referee.sender)
             if self._desk is not None:
@@ -156,9 +156,9 @@ class TeamClient(Closing):
 
 
 class TeamDesk(Closing):
-    """What a team tells the game controller: who keeps the goal, and that the game shall go on when it was fouled.
+    """The team's connection to the game controller: it chooses the keeper, and advantage after fouls by the opponent.
 
-    It connects once the game controller has told the team's name. The team plays on whatever goes wrong.
+    It connects once the game controller has sent the team's name. The team plays on if anything here fails.
     """
 
     def __init__(self, team: Team, host: str, problems: Problems) -> None:
@@ -173,7 +173,7 @@ class TeamDesk(Closing):
             self._client.close()
 
     def hear(self, packet: Referee, own: Collection[int], now_s: float) -> None:
-        """Take in a packet of the game controller, with the numbers of the robots that are seen, at a time."""
+        """Take in a packet of the game controller at a time; `own` are the numbers of the own robots that are seen."""
         if self._is_done:
             return
         try:

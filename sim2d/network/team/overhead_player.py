@@ -1,7 +1,7 @@
-"""One robot of a team that is seen from above: it plans as the built-in planning players do, with other eyes.
+"""Plays one robot of a team with overhead vision.
 
-What they estimate from their own camera, overhead vision tells: where everybody is, and how fast. Tactics, ways, speeds
-and shots are theirs. All places are in the team's frame (the opponent's goal at +x).
+Tactics, paths, speeds and shots are planned as by the built-in planning players, but places and velocities come from
+overhead vision instead of the robot's own camera. All places are in the team's frame (the opponent's goal at +x).
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from sim2d.players.tactics.tactics import Tactics
 from sim2d.robot_link import CONTROL_PERIOD_S, Command, Point, RobotLimits
 
 _DIRECTIONS = 80
-# how well overhead vision knows a robot: place and heading, and others' places and velocities
+# covariances of overhead vision: the robot's place and heading, and others' places and velocities
 _POSE_COV = np.diag([0.002**2, 0.002**2, 0.01**2])
 _TRACK_COV = np.diag([0.003**2, 0.003**2, 0.05**2, 0.05**2])
-# nobody farther away is met before the next decision but one: two robots that brake need half of it
+# only robots within this distance matter for a decision: two robots that brake need half of it
 _NEAR_M = 2.0
-# cells of the map on which all floor is known
+# cell size of the map, on which all floor is known and free
 _CELL_M = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Moving:
-    """Something that moves over the floor, team frame: a robot's number in what is seen, its pose and velocities."""
+    """A moving robot, team frame: its number as an obstacle, pose and velocities."""
 
     number: int
     pose: Pose2
@@ -52,11 +52,11 @@ class Moving:
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """What the team tells one of its robots now."""
+    """The team's orders for one of its robots."""
 
-    tactics: Tactics  #: of the role that it has
-    keep_outs: tuple[KeepOut, ...] = ()  #: where it may not be, besides what its plans know
-    goes_to: Point | None = None  #: it leaves the game and drives there
+    tactics: Tactics  #: tactics of its present role
+    keep_outs: tuple[KeepOut, ...] = ()  #: areas it must not enter, besides those of its tactics
+    goes_to: Point | None = None  #: where it drives to leave the game; None: it plays
 
 
 class OverheadPlayer:
@@ -65,7 +65,7 @@ class OverheadPlayer:
     Parameters
     ----------
     seed : int
-        For the direction in which it gets free where it is stuck.
+        Seed for the directions in which it tries to get free when it is stuck.
     """
 
     def __init__(self, field: Field, limits: RobotLimits, motion: MotionSettings, seed: int) -> None:
@@ -91,14 +91,14 @@ class OverheadPlayer:
         self.intent = ""
 
     def act(self, orders: Orders, now: Situation, me: Moving, others: tuple[Moving, ...]) -> Command:
-        """Return what the robot shall do until the next call, a control period later; velocities in the robot's frame.
+        """Return the robot's command for the next control period.
 
         Parameters
         ----------
         now : Situation
-            What all robots of the team know alike; pose, ball in the mouth, shot and others are filled in here.
+            What is common to the team's robots; pose, time of holding the ball, shot and others are filled in here.
         me : Moving
-            The robot when the command will work.
+            The robot at the time when the command takes effect.
         """
         pose, limits = me.pose, self._limits
         c, s = math.cos(pose.theta_rad), math.sin(pose.theta_rad)
@@ -170,7 +170,7 @@ class OverheadPlayer:
 def defence_zones(field: Field, *, is_keeper: bool, their_room_m: float) -> tuple[KeepOut, ...]:
     """Return the defence areas that a robot keeps out of, team frame; a keeper may be in its own.
 
-    From the other team's it keeps a distance.
+    The opponents' area is enlarged by `their_room_m`.
     """
     area = defence_area(field)
     if area is None:

@@ -1,7 +1,6 @@
-"""A whole team by overhead vision: who does what, what the referee allows, and the robots' commands.
+"""A whole team by overhead vision: the robots' roles, what the referee allows, and the robots' commands.
 
-It knows no sockets and no clock: packets go in, commands come out. Its time is the tracker's, which goes on whatever
-vision's clock does.
+Packets go in, commands come out; there are no sockets. Its time is the tracker's steady time, which never jumps.
 """
 
 from __future__ import annotations
@@ -33,12 +32,12 @@ from sim2d.players.tactics.team_field import TacticsSettings
 from sim2d.robot_link import Command, Point, RobotLimits
 
 _NOTHING = Command()
-# vision may measure between the lines' outer edges, and an organiser lays lines by hand
+# vision's field may differ by this much: it may measure between the lines' outer edges, and lines are laid by hand
 _SAME_FIELD_M = 0.2
 
 
-# how the robots drive and kick: slower than the league's can, so that they stop in time before each other (the rules
-# forbid to run into somebody at more than 1.5 m/s) and no kick is a foul (6.5 m/s)
+# Limits of driving and kicking. They are below what the league's robots can do, so that robots stop in time before each
+# other (the rules forbid collisions at more than 1.5 m/s) and no kick is a foul (over 6.5 m/s).
 LIMITS = RobotLimits(
     speed_mps=1.5,
     acceleration_mps2=2.0,
@@ -61,33 +60,33 @@ _TACTICS = TacticsSettings(
 )
 _MOTION = MotionSettings(holding_mps=1.0, holding_rps=2.5)
 _DRIBBLER_RPS = 150.0
-# what a robot feels is believed for so long
+# a reported contact with the ball is valid for this time
 _CONTACT_LASTS_S = 0.07
-# where no robot tells what it feels: a ball so far before its hull's front, and so far aside, is in the mouth
+# without a contact sensor, the ball counts as in the mouth within this distance of the hull's front, and this offset
 _MOUTH_M, _MOUTH_HALF_M = 0.012, 0.03
-# another robot fetches the ball only if it is nearer by so much: two that take turns get nowhere
-_CHANGES_M = 0.25
-# from the other team's defence area, while the ball is not in play: 0.2 m by the rules
+# another robot takes over fetching the ball only if its cost is smaller by this, so that two do not alternate
+_TAKE_OVER_M = 0.25
+# distance from the other team's defence area while the ball is not in play: 0.2 m by the rules, and a margin
 _THEIR_ROOM_M = 0.22
-# a robot's hull so near to the ball has touched it: who kicked off may then touch it again
+# a robot whose hull is this near to the ball has touched it; the robot that took a kick may then touch it again
 _TOUCHED_M = 0.03
 
 
 @dataclass(slots=True)
 class _Kick:
-    """A kick that this team has: who takes it, and whether the ball is in play since."""
+    """A kick that this team takes: the kicker's number, and whether the ball is in play since."""
 
     kicker: int
     is_over: bool = False
 
 
 @dataclass(slots=True)
-class _Hand:
-    """One robot of the team: its player, and when it last felt the ball."""
+class _Robot:
+    """One robot of the team: its player, and what its contact sensor reported about the ball."""
 
     player: OverheadPlayer
-    felt_s: float = -math.inf
-    feels: bool = False
+    contact_s: float = -math.inf
+    has_contact: bool = False
     has_contact_sensor: bool = False
 
 
@@ -97,14 +96,14 @@ class OverheadTeam:
     Attributes
     ----------
     intents : dict of int to str
-        What each robot is about, by its number.
+        Present intent of each robot, by its number.
     state : GameState or None
-        What the referee had said at the last commands.
+        The referee's state at the last call of `commands`.
 
     Parameters
     ----------
     speed_mps : float
-        How fast the robots drive at most.
+        The robots' greatest speed.
 
     Raises
     ------
@@ -117,12 +116,12 @@ class OverheadTeam:
             raise ArgumentError(f"the field {field.name} has no goals to play at")
         self._team, self._field = team, field
         self._limits = replace(LIMITS, speed_mps=speed_mps, radius_m=field.robot_radius_m)
-        # of the ball's centre from that of a robot whose hull it touches
+        # distance between the centres of a ball and a robot that touch
         self._touches_m = field.robot_radius_m + field.ball_radius_m
         self._game = Game(team, kick_time_s(field))
         reach_x_m, reach_y_m = np.abs(field.floor_polygon).max(axis=0).tolist()
         self._tracker = OverheadTracker((reach_x_m, reach_y_m))
-        self._hands: dict[int, _Hand] = {}
+        self._robots: dict[int, _Robot] = {}
         self._tactics: dict[tuple[int, int], Tactics] = {}
         self._fetcher: int | None = None
         self._kick: _Kick | None = None
@@ -132,16 +131,16 @@ class OverheadTeam:
 
     @property
     def seen_s(self) -> float:
-        """Steady time (`OverheadTracker.newest_s`) of the newest frame: vision's clock for as long as that goes on."""
+        """Steady time (`OverheadTracker.newest_s`) of the newest frame; equals vision's clock until that jumps."""
         return self._tracker.newest_s
 
     @property
     def problems(self) -> Problems:
-        """What was odd about vision, referee and robots."""
+        """Problems with vision, referee and robots so far."""
         return self._tracker.problems
 
     def hear_vision(self, packet: VisionPacket) -> None:
-        """Take in what a camera saw; say where vision's field is not the one that is played on."""
+        """Take in a packet of vision; report a problem if its field differs from the one that is played on."""
         if packet.geometry is not None:
             theirs, ours = packet.geometry.field, self._field
             if not max(abs(theirs.length_m - ours.length_m), abs(theirs.width_m - ours.width_m)) <= _SAME_FIELD_M:
@@ -156,7 +155,7 @@ class OverheadTeam:
     def hear_referee(
         self, packet: Referee, address: tuple[str, int] | None = None, received_s: float | None = None
     ) -> None:
-        """Take in what the game controller says; arguments as in `Game.update`."""
+        """Take in a packet of the game controller; arguments as in `Game.update`."""
         self._game.update(packet, address, received_s)
         if not packet.command.is_known:
             self.problems.add(f"the referee says an {packet.command}: taken for a halt")
@@ -166,21 +165,21 @@ class OverheadTeam:
         self._referee_problem = problem
 
     def lose_referee(self) -> None:
-        """Let nobody move until the referee speaks again."""
+        """Stop all robots until the next packet of the referee."""
         self._game.lose_referee()
 
     def hear_robots(self, response: RobotControlResponse) -> None:
-        """Take in what the robots feel, and what a simulator did not do."""
+        """Take in the robots' contact sensors, and report a simulator's errors."""
         for error in response.errors:
             self.problems.add(
                 f"error {error.code}",
                 f"the simulator answers {error.code or 'an error'}: {error.message or 'no words'}",
             )
         for feedback in response.feedback:
-            hand = self._hands.get(feedback.number)
-            if hand is not None and feedback.ball_contact is not None:
-                hand.has_contact_sensor, hand.feels = True, feedback.ball_contact
-                hand.felt_s = self.seen_s if hand.feels else hand.felt_s
+            robot = self._robots.get(feedback.number)
+            if robot is not None and feedback.ball_contact is not None:
+                robot.has_contact_sensor, robot.has_contact = True, feedback.ball_contact
+                robot.contact_s = self.seen_s if robot.has_contact else robot.contact_s
 
     def commands(self, t_s: float) -> list[RobotCommand]:
         """Return a command for each robot that is seen; call it once each control period (1/30 s).
@@ -188,18 +187,18 @@ class OverheadTeam:
         Parameters
         ----------
         t_s : float
-            When the commands will reach the robots, in steady time (`seen_s`).
+            Time at which the commands will reach the robots, in steady time (`seen_s`).
         """
         world = self._tracker.at_steady(t_s)
         ball = (world.balls[0].position_m.x, world.balls[0].position_m.y) if world.balls else None
         state = self.state = self._game.state(t_s, ball)
-        numbers = [robot.robot.number for robot in world.robots if robot.robot.team == self._team]
+        numbers = [seen.robot.number for seen in world.robots if seen.robot.team == self._team]
         if state.phase in ("halt", "time_out") or state.attacks is None:
             self.intents = dict.fromkeys(numbers, state.phase.replace("_", " "))
             self._kick = None
             return [robot_command(number, _NOTHING) for number in numbers]
         side = state.attacks
-        robots = {(robot.robot.team, robot.robot.number): _in_team(robot, side) for robot in world.robots}
+        robots = {(seen.robot.team, seen.robot.number): _in_team(seen, side) for seen in world.robots}
         own = {number: robots[self._team, number] for number in numbers}
         situation = self._situation(world, state, side, t_s)
         roles = self._roles(self._playing(own, state, situation.ball), own, state, situation)
@@ -207,15 +206,15 @@ class OverheadTeam:
         slow_mps = STOP_MPS if state.phase == "stop" else math.inf
         out = []
         for number, me in own.items():
-            hand = self._hands.get(number)
-            if hand is None:
-                hand = self._hands[number] = _Hand(OverheadPlayer(self._field, self._limits, _MOTION, number))
+            robot = self._robots.get(number)
+            if robot is None:
+                robot = self._robots[number] = _Robot(OverheadPlayer(self._field, self._limits, _MOTION, number))
             others = tuple(other for other in robots.values() if other is not me)
-            mine = replace(situation, in_mouth=self._has_ball(hand, me, situation.ball, t_s))
-            orders = self._orders(number, roles, own, state, mine, me)
-            command = hand.player.act(orders, mine, me, others)
+            own_situation = replace(situation, in_mouth=self._has_ball(robot, me, situation.ball))
+            orders = self._orders(number, roles, own, state, own_situation, me)
+            command = robot.player.act(orders, own_situation, me, others)
             out.append(robot_command(number, _slowed(command, slow_mps)))
-            self.intents[number] = hand.player.intent
+            self.intents[number] = robot.player.intent
         return out
 
     def _situation(self, world: TrackedFrame, state: GameState, side: int, t_s: float) -> Situation:
@@ -227,7 +226,7 @@ class OverheadTeam:
         place = None if state.placement_m is None else (side * state.placement_m[0], side * state.placement_m[1])
         phase, own_turn = state.phase, state.own_turn
         if _kick_off_is_next(state):
-            # the places of a kick-off can be taken in the stop before it
+            # robots may drive to their kick-off places already in the stop before it
             phase, own_turn = "kick_off", state.next_own_turn
         nowhere = Pose2(0.0, 0.0, 0.0)
         return Situation(
@@ -244,7 +243,7 @@ class OverheadTeam:
         )
 
     def _playing(self, own: dict[int, Moving], state: GameState, ball: Point | None) -> list[int]:
-        """Return the robots that may play: with yellow cards the farthest from the ball leave."""
+        """Return the robots that may play; if the referee allows fewer, those farthest from the ball leave."""
         numbers = sorted(own)
         if state.max_robots is None or len(numbers) <= state.max_robots:
             return numbers
@@ -252,7 +251,7 @@ class OverheadTeam:
 
         def away(number: int) -> tuple[bool, float]:
             pose = own[number].pose
-            # who is off the field already stays there
+            # a robot that is off the field already stays there
             outside = abs(pose.y_m) > self._field.width_m / 2
             return (outside, math.dist((pose.x_m, pose.y_m), center))
 
@@ -263,7 +262,7 @@ class OverheadTeam:
     def _roles(
         self, numbers: Sequence[int], own: dict[int, Moving], state: GameState, now: Situation
     ) -> dict[int, int]:
-        """Return each playing robot's role: 0 keeps the goal, 1 goes for the ball, the others from right to left."""
+        """Return each playing robot's role: 0 keeps the goal, 1 fetches the ball, others from 2 on, right to left."""
         places = {number: own[number].pose for number in numbers}
         field_players = [number for number in numbers if number != state.goalkeeper]
         if not field_players:
@@ -271,10 +270,10 @@ class OverheadTeam:
         barred = self._kick.kicker if self._kick is not None and self._kick.is_over else None
         able = [number for number in field_players if number != barred] or field_players
         ball = now.ball or (0.0, 0.0)
-        # behind the ball is nearer: from before it a robot must go round
+        # a robot in front of the ball must drive round it, which costs about 0.3 m more
         cost = {n: math.dist((places[n].x_m, places[n].y_m), ball) + 0.3 * (places[n].x_m > ball[0]) for n in able}
         nearest = min(able, key=cost.__getitem__)
-        if self._fetcher not in able or cost[self._fetcher] > cost[nearest] + _CHANGES_M:
+        if self._fetcher not in able or cost[self._fetcher] > cost[nearest] + _TAKE_OVER_M:
             self._fetcher = nearest
         rest = sorted((n for n in field_players if n != self._fetcher), key=lambda n: places[n].y_m)
         roles = {n: 0 for n in numbers if n == state.goalkeeper}
@@ -287,7 +286,7 @@ class OverheadTeam:
         robots: dict[tuple[Team, int], Moving],
         ball: Point | None,
     ) -> None:
-        """Remember who takes a kick: it may not touch the ball again before another robot has."""
+        """Remember the kicker of this team, which may not touch the ball again before another robot has."""
         if state.phase == "free_kick" and state.own_turn:
             kicker = next((number for number, role in roles.items() if role == 1), None)
             self._kick = None if kicker is None else _Kick(kicker)
@@ -307,9 +306,9 @@ class OverheadTeam:
         ):
             self._kick = None
 
-    def _has_ball(self, hand: _Hand, me: Moving, ball: Point | None, t_s: float) -> bool:
-        if hand.has_contact_sensor:
-            return hand.feels and self.seen_s - hand.felt_s < _CONTACT_LASTS_S
+    def _has_ball(self, robot: _Robot, me: Moving, ball: Point | None) -> bool:
+        if robot.has_contact_sensor:
+            return robot.has_contact and self.seen_s - robot.contact_s < _CONTACT_LASTS_S
         if ball is None:
             return False
         ahead, aside = me.pose.inverse().transform(ball).tolist()
@@ -330,10 +329,10 @@ class OverheadTeam:
         room_m = 0.0 if in_play or state.phase == "penalty" else _THEIR_ROOM_M
         zones = defence_zones(self._field, is_keeper=role == 0, their_room_m=room_m)
         if state.phase == "ball_placement" and state.own_turn and role == 1:
-            # the ball may lie there
+            # the ball may lie in a defence area
             zones = ()
         if role is None:
-            # off the field beside the own half, on the nearer side, each at a place of its own, clear of the ball
+            # a robot that may not play leaves the field beside its own half, on the nearer side
             radius_m = self._limits.radius_m
             place = sum(other not in roles and other < number for other in own)
             x, y = -(2 + 4 * place) * radius_m, math.copysign(self._field.width_m / 2 + 1.5 * radius_m, me.pose.y_m)
@@ -344,7 +343,7 @@ class OverheadTeam:
             zones = (*zones, Capsule(now.ball, now.ball, room_of_ball_m))
         if self._kick is not None and self._kick.is_over and self._kick.kicker == number and now.ball is not None:
             zones = (*zones, Capsule(now.ball, now.ball, 0.1))
-        # a team without its keeper has nobody in that role
+        # where the keeper is missing, the highest role is greater than the number of robots
         players = max(len(roles), max(roles.values()) + 1, 2)
         return Orders(self._tactics_of(role, players), zones)
 
@@ -356,7 +355,7 @@ class OverheadTeam:
 
 
 def robot_command(number: int, command: Command) -> RobotCommand:
-    """Return a player's command as simulators take it: a velocity along the robot's own axes is what each obeys."""
+    """Return a player's command in the form that every simulator obeys: velocities along the robot's own axes."""
     velocity = LocalVelocity(command.forward_mps, command.left_mps, command.turn_rps)
     return RobotCommand(
         number, MoveCommand(local=velocity), command.kick_mps, 0.0, _DRIBBLER_RPS if command.dribble else 0.0
@@ -368,7 +367,7 @@ def _kick_off_is_next(state: GameState) -> bool:
 
 
 def _slowed(command: Command, most_mps: float) -> Command:
-    """Return a command that is not faster than allowed."""
+    """Return a command with its speed reduced to at most `most_mps`."""
     speed = math.hypot(command.forward_mps, command.left_mps)
     if speed <= most_mps:
         return command

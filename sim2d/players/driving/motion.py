@@ -1,4 +1,4 @@
-"""Conversion of plans to commands: avoid obstacles, turn to the heading, escape if stuck."""
+"""Converts plans to commands: avoids obstacles, turns to the heading, escapes if stuck."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _ARRIVED_RADII = 1.0
 # A robot that has moved less than this in this time without arriving is stuck.
 _STUCK_M = 0.04
 _STUCK_S = 1.5
-# Time for which it then drives in a random free direction.
+# Time for which a stuck robot then drives in a random free direction.
 _ESCAPE_S = 0.7
 # Distance of the target up to which a robot with a forward camera faces as planned and moves sideways; from there
 # on it faces its way, unless its plan looks elsewhere.
@@ -49,7 +49,7 @@ CALM_RPS = 2.0
 
 @dataclass(frozen=True, slots=True)
 class MotionSettings:
-    """Values of `Motion`."""
+    """Settings of `Motion`."""
 
     #: Limits with the ball in the mouth without a plan, slow enough for any dribbler.
     holding_mps: float = 0.6
@@ -62,7 +62,7 @@ class Motion:
     Parameters
     ----------
     rng : numpy.random.Generator
-        For the direction of an escape.
+        Draws the direction of an escape.
     sees_ahead_only : bool
         Whether its camera does not see all around; then it faces its way, and keeps away from robots it has touched.
     """
@@ -123,7 +123,7 @@ class Motion:
         Parameters
         ----------
         pose : Pose2
-            The robot, in the plan's frame.
+            Pose of the robot, in the plan's frame.
         moving : sequence of Disc
             Moving robots, which steering avoids unless the plan is `close` or `holding`.
         travel : Travel, optional
@@ -177,7 +177,7 @@ class Motion:
         if plan.holding and travel is None:
             part = min(1.0, settings.holding_mps / max(math.hypot(v_x, v_y), 1e-9))
             v_x, v_y = part * v_x, part * v_y
-        # when the command takes effect, the robot will have turned further
+        # by the time the command takes effect, the robot will have turned
         ahead = -turn * (self._limits.dead_time_s + CONTROL_PERIOD_S / 2)
         c, s = math.cos(ahead), math.sin(ahead)
         wanted = (c * v_x - s * v_y, s * v_x + c * v_y)

@@ -1,4 +1,4 @@
-"""Way of a player to a target: straight, or through a gap in the row of robots across it."""
+"""Plans the way of a player to a target: straight, or through a gap in the row of robots across the way."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ _OUTSIDE_RADII = 4.0
 _ALONGSIDE_SIN = 0.2
 # Least time that another gap must save, because changes cost time.
 _BETTER_S = 0.25
-# Bounds of the probability to be wide enough between which a gap is looked at again.
+# A gap is looked at again if the probability that it is wide enough is between these bounds.
 _NARROW = 0.02
 _WIDE = 0.95
-# Distance at which a viewpoint is reached.
+# Distance within which a viewpoint counts as reached.
 HERE_M = 0.02
-# Distance at which a gap is passed.
+# Distance within which a gap counts as passed.
 _PASSED_M = 0.06
 # Time between two plans.
 REPLAN_S = 0.1
@@ -58,9 +58,9 @@ _OTHERS_STD_M = 0.015
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Gaps from right to left."""
+    """A row of robots across a way: its gaps from right to left."""
 
-    #: Estimated gaps, with the best place to cross as the middle: near the straight way, clear of its ends.
+    #: Estimated gaps; the middle of each is the best place to cross: near the straight way, clear of the gap's ends.
     gaps: tuple[Gap, ...]
     #: Numbers of the robots at its ends; negative: the field's border.
     keys: tuple[Key, ...]
@@ -80,12 +80,12 @@ class Route:
     ends: tuple[Point, Point] | None
     #: Reason of the choice.
     reason: Reason
-    #: The robot waits here for a second look.
+    #: Whether the robot waits here for a second look.
     waits: bool = False
 
 
 class RoutePlanner:
-    """Chooses the ways of one player. Field frame."""
+    """Plans the ways of one player, in the field frame."""
 
     def __init__(self, field: Field, limits: RobotLimits) -> None:
         self._field, self._limits = field, limits
@@ -112,7 +112,7 @@ class RoutePlanner:
             return None
         rest = [k for k in range(len(row.gaps)) if k != straight]
         detour = rest[choose_gap(self._times, here, target, [row.gaps[k] for k in rest]).index]
-        # wide enough to be passed at a safe speed
+        # `needed_m` is the width that can be passed at a safe speed
         gates = GatePlanner(self._limits, WidthSensor(), needed_m)
         plan = gates.plan(here, gap, target, [row.gaps[detour].center_m])
         if plan.action == "look" and plan.viewpoint_m is not None:
@@ -149,7 +149,7 @@ class RoutePlanner:
 
 
 def speed_planner(limits: RobotLimits) -> SpeedPlanner:
-    """Return the planner of safe speeds of a robot."""
+    """Return the planner of safe speeds for a robot."""
     frame = np.diag([_POSE_STD_M**2, _POSE_STD_M**2, _POSE_STD_RAD**2])
     noise = PoseNoise(_ODOMETRY_ERROR, _ODOMETRY_ERROR, frame)
     return SpeedPlanner(PathFollower(limits), limits.radius_m, noise, REPLAN_S)
@@ -198,13 +198,13 @@ def unit(start: Point, end: Point) -> Point:
 
 
 def in_way(disc: Disc, start: Point, along: Point) -> Point:
-    """Return the position of a disc's middle along a way and to the left of it."""
+    """Return a disc's centre in the frame of a way: the distances along it and to the left of it."""
     dx, dy = disc.x_m - start[0], disc.y_m - start[1]
     return along[0] * dx + along[1] * dy, along[0] * dy - along[1] * dx
 
 
 def _borders(here: Point, along: Point, at_m: float, field: Field, outside_m: float) -> tuple[Disc, Disc]:
-    """Return the ends of the row, right and left of the way."""
+    """Return the field's borders right and left of the way, at a distance `at_m` along it, as discs of radius 0."""
     room = 0.0 if field.is_bounded else outside_m
     half = field.length_m / 2 + room, field.width_m / 2 + room
     start = here[0] + at_m * along[0], here[1] + at_m * along[1]
@@ -231,7 +231,7 @@ def _crossed(gap: Gap, here: Point, along: Point, clear_m: float) -> Gap:
     across = (-math.sin(gap.across_rad), math.cos(gap.across_rad))
     x, y = gap.center_m[0] - here[0], gap.center_m[1] - here[1]
     slope = across[0] * along[1] - across[1] * along[0]
-    # from its middle to the straight way, unless that is parallel
+    # shift the gap's middle to the straight way, unless the gap is parallel to it
     shift = (along[0] * y - along[1] * x) / slope if abs(slope) > _ALONGSIDE_SIN else 0.0
     limit = max(0.5 * gap.width_m - clear_m, 0.0)
     shift = max(-limit, min(limit, shift))

@@ -1,4 +1,4 @@
-"""Way and speed of a player to its target, with reasons, by the planners of gaps, speeds and undecided floor.
+"""Plans way and speed of a player to its target, with reasons, by the planners of gaps, speeds and undecided floor.
 
 Everything is in the field frame.
 """
@@ -20,7 +20,7 @@ from sim2d.players.driving.route import HERE_M, REPLAN_S, RoutePlanner, in_way, 
 from sim2d.players.plan import Surroundings
 from sim2d.robot_link import CONTROL_PERIOD_S, Point, Reason, RobotLimits
 
-# mean distance over which a ball is taken before a kick
+# mean distance over which a ball is carried before a kick
 _SHORT_M = 0.35
 # Greatest motion of a target that keeps its plan.
 _SAME_M = 0.06
@@ -36,7 +36,7 @@ _STANDS_MPS = 0.25
 _TAKEN_M = 0.04
 # Distance to keep from that robot.
 _ROOM_M = 0.06
-# Speed of the robot if no speed is safe, and least speed of all plans.
+# Least speed of all plans, also if no speed is safe.
 _CREEP_MPS = 0.2
 # Greatest acceleration of a ball that turns with the robot: half of that of a dribbler's pull.
 _HOLD_MPS2 = 3.0
@@ -54,11 +54,11 @@ class Travel:
     gap: tuple[Point, Point] | None
     #: Reasons of the choice.
     reasons: tuple[Reason, ...]
-    #: The drive ends at the waypoint for now.
+    #: Whether the drive ends at the waypoint for now.
     ends_there: bool = False
     #: Limit of the turning rate.
     turn_rps: float = math.inf
-    #: Others may be touched, close to the ball and with it.
+    #: Whether others may be touched, close to the ball and with it.
     presses: bool = False
 
 
@@ -79,19 +79,19 @@ class TravelPlanner:
         self._last: tuple[float, Point, Travel] | None = None
 
     def plan(self, surroundings: Surroundings, target: Point) -> Travel:
-        """Plan a way to a target every `replan_s`; between, the last plan is kept."""
+        """Plan a way to a target; within `REPLAN_S` of the last plan, that one is kept."""
         if self._last is not None:
             planned_s, there, travel = self._last
             if 0 <= surroundings.t_s - planned_s < REPLAN_S and math.dist(there, target) < _SAME_M:
                 return travel if travel.gap is not None else replace(travel, waypoint=target)
-        travel = self._plan_anew(surroundings, target)
+        travel = self._replan(surroundings, target)
         self._last = (surroundings.t_s, target, travel)
         return travel
 
     def approach(self, surroundings: Surroundings, target: Point, ball: Point | None) -> Travel:
-        """Plan the last piece to a ball, straight, at a speed at which the robot can stop before others.
+        """Plan the last part of the way to a ball: straight, at a speed at which the robot can stop before others.
 
-        If a robot that has the ball is between it and this one, this one keeps away. `ball`: None if unknown.
+        If another robot has the ball and is between it and this robot, this robot keeps away. `ball` may be unknown.
         """
         here = surroundings.here
         way = unit(here, target)
@@ -124,11 +124,11 @@ class TravelPlanner:
         return Travel(target, speed, None, (Reason("speed", "slow: at the ball", text),))
 
     def race(self, target: Point) -> Travel:
-        """Return the way to a ball that the first robot gets: straight, at full speed."""
+        """Return the way to a ball for which robots race: straight, at full speed."""
         return self._at_full_speed(target, "to the ball", math.inf)
 
     def carry(self, target: Point) -> Travel:
-        """Return the way with the ball at the greatest speed at which it can be held, because giving way loses it."""
+        """Return the way with the ball: at full speed, with the greatest turning rate that does not lose the ball."""
         return self._at_full_speed(target, "with the ball", self.holding_rps)
 
     @property
@@ -148,7 +148,7 @@ class TravelPlanner:
         return Travel(target, self._limits.speed_mps, None, (reason,), turn_rps=turn_rps, presses=True)
 
     def _holder(self, here: Point, others: Sequence[Disc], ball: Point) -> Disc | None:
-        """Return the robot that has the ball and is between it and this one."""
+        """Return the robot that has the ball, if it is between the ball and this robot."""
         nearest = min(others, key=lambda disc: math.dist((disc.x_m, disc.y_m), ball), default=None)
         if nearest is None:
             return None
@@ -158,7 +158,7 @@ class TravelPlanner:
         is_behind = to_ball[0] * to_robot[0] + to_ball[1] * to_robot[1] < 0.0
         return nearest if away_m < reach_m and is_behind else None
 
-    def _plan_anew(self, surroundings: Surroundings, target: Point) -> Travel:
+    def _replan(self, surroundings: Surroundings, target: Point) -> Travel:
         here = surroundings.here
         if math.dist(here, target) < _SHORT_RADII * self._limits.radius_m:
             self._routes.forget()
@@ -212,7 +212,7 @@ class TravelPlanner:
         reach = 2 * self._limits.radius_m
         for disc in [*((t.x_m, t.y_m) for t in surroundings.tracks), (robot.x_m, robot.y_m)]:
             looks[np.hypot(x - disc[0], y - disc[1]) < reach] = FREE
-        # nothing is beyond the walls
+        # cells beyond the walls do not matter
         if self._field.is_bounded:
             looks[(np.abs(x) > self._field.length_m / 2) | (np.abs(y) > self._field.width_m / 2)] = FREE
         return UndecidedFloor(looks, surroundings.floor.corner_m, surroundings.floor.cell_m)

@@ -75,7 +75,7 @@ class WheelVelocity:
 @dataclass(frozen=True, slots=True)
 class _Bump:
     t_s: float
-    # of the other robot's centre, robot frame
+    # place of the other robot's centre, robot frame
     x_m: float
     y_m: float
 

@@ -99,7 +99,7 @@ class BallHolder:
         A keeper only has to kick past the nearest robots: it takes the least turn to an open way to the end line.
         """
         team = self._team
-        # posts and nets are not robots
+        # obstacles near the goal line are posts and nets
         others = [one for one in obstacles if one[0] < team.half_length_m - team.robot_radius_m]
         keeper = team.half_length_m - KEEPER_LINE_RADII * team.robot_radius_m, 0.0
         is_seen = any(math.dist(one, keeper) < team.goal_half_m + team.robot_radius_m for one in others)

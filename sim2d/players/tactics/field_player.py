@@ -23,10 +23,10 @@ _STEP_RAD = 1.2
 # Distance of a supporter behind the ball, in reaches: a lost ball is still in front of it, and robots that fight
 # for the ball have room.
 _BEHIND_BALL_REACHES = 4.0
-# A single supporter stays on the side without the ball, by this part of the ball's distance from the middle.
+# A single supporter stays on the side without the ball, by this fraction of the ball's distance from the middle.
 _OTHER_SIDE_PART = 0.5
-# While the keeper fetches the ball a field player waits at this part of the own half, and moves to either side by
-# this part.
+# While the keeper fetches the ball a field player waits at this fraction of the own half's length, and moves to
+# either side by this fraction of half the width.
 _WAIT_PART = 0.3
 # Size of the rectangle around whose corners a search leads, relative to the field.
 _SEARCH_PART = 0.4

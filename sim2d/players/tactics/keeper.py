@@ -19,7 +19,7 @@ _ROLLING_MPS = 0.2
 _BLOCK_ROOM_M = 0.03
 # A keeper stands on the line from the ball to a place this far behind the goal's middle.
 _AIM_DEPTH_M = 0.3
-# Part of the goal's mouth over which it sways without a ball, so that nothing hides the ball for long.
+# Fraction of the goal's mouth over which it sways without a ball, so that nothing hides the ball for long.
 _SWAY = 0.3
 
 

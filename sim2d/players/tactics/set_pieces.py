@@ -29,7 +29,7 @@ _PENALTY_ROOM_M = 1.3
 _RELEASE_M = 0.05
 _PLACED_M = 0.12
 # Distance to the placed ball at which the robot leaves it.
-_LEFT_M = 0.75
+_LEAVE_M = 0.75
 # A ball closer to a wall than this, in reaches, has no room behind: it is taken from the front, within this angle,
 # and pulled away by this distance.
 _WALL_REACHES = 2.5
@@ -146,7 +146,7 @@ class SetPieces:
         if away_m < (_RELEASE_M if now.in_mouth else _PLACED_M):
             # placed: go straight back and stay away
             out = direction_rad(ball, now.place)
-            return Plan("leave the ball", offset(ball, out, _LEFT_M), now.pose.theta_rad, close=True)
+            return Plan("leave the ball", offset(ball, out, _LEAVE_M), now.pose.theta_rad, close=True)
         wall = team.away_from_wall(ball, _WALL_REACHES * team.reach_m)
         if wall is not None:
             return self._pull(now, ball, wall)

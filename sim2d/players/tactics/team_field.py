@@ -33,7 +33,7 @@ class TacticsSettings:
     straight_reaches: float = 6.0
     #: Radius in reaches of the way round the ball.
     round_reaches: float = 1.5
-    #: Least x of a supporter as a part of half the length (negative: own half), greatest x in metres.
+    #: Least x of a supporter as a fraction of half the length (negative: own half), greatest x in metres.
     support_limits: tuple[float, float] = (-0.4, 0.3)
     #: Whether players from number 2 on fetch a ball in their own strip, without agreement; else only number 1 fetches.
     fetches_in_strip: bool = True

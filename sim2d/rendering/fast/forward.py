@@ -1,7 +1,8 @@
 """Fast frames of a forward camera: one ray for each pixel, and four at edges.
 
-It draws walls, goals with nets, beacons, boxes, bystanders, robots, ball and lines under evenly changing light in front
-of the room's wall or a backdrop, like `render_pinhole`, but no texture, shadows, highlights, glare and patches of sun.
+It draws walls, goals with nets, beacons, boxes, bystanders, robots, ball and lines under light with a constant gradient
+in front of the room's wall or a backdrop, like `render_pinhole`, but without texture, shadows, highlights, glare and
+patches of sun.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from sim2d.rendering.fast.match_frames import MatchFrames
 from sim2d.rendering.scene import Ball, Robot, Scene
 from sim2d.rendering.sensor import Sensor
 
-TILE_PX = (8, 32)  # rows and columns; wide, because most edges are horizontal
+TILE_PX = (8, 32)  # rows and columns; tiles are wide, because most edges are horizontal
 
 
 class EyeInField(NamedTuple):
@@ -70,7 +71,7 @@ class ForwardFrames(MatchFrames):
         self._outlines = _empty_outlines(0)
 
     def draw(self, robots: tuple[Robot, ...], ball: Ball | None, eye: EyeInField) -> UInt8Array:
-        """Draw a frame (H, W, 3) uint8 with other robots and the ball: light through the lens, not blur and noise."""
+        """Draw a frame (H, W, 3) uint8 BGR with other robots and the ball, without blur and noise of the sensor."""
         things = self._things(robots, ball)
         floor = len(self._paint.edges) + len(self._paint.lines) + len(self._paint.arcs) * ARC_PIECES
         count = floor + len(things.rows) + 1 + len(self._nets.rows)

@@ -1,4 +1,4 @@
-"""Fast frames of all cameras: one scene, even light that may change, the sensor's colours."""
+"""Common part of the fast frames of all cameras: one scene, light without texture, the sensor's colours."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class MatchFrames:
         self._light = Lighting(float(light.level), *along, 0.05 * light.level, LAMP_DIRECTION_RAD)
 
     def _things(self, robots: tuple[Robot, ...], ball: Ball | None) -> UprightThings:
-        """Return all objects in the scene, with robots and a ball."""
+        """Return all objects of the scene, including robots and a ball."""
         moving = ThingTable((*robots, *(() if ball is None else (ball,))), len(self._fixed.colors))
         fixed = len(self._fixed.rows)
         count = fixed + len(moving.rows)
@@ -84,7 +84,7 @@ class MatchFrames:
 
 
 def _wall_picture(scene: Scene, backdrop: Backdrop | None, pixel_m: float) -> tuple[Float32Array, float]:
-    """Return the picture of the room's wall, row 0 at the floor, and its rows per metre; `pixel_m`: a pixel there."""
+    """Return the wall's picture, row 0 at the floor, and its rows per metre; `pixel_m`: size of a pixel on the wall."""
     if backdrop is None:
         picture = room_panorama(scene.room.seed)
         half = picture.shape[1] // 2

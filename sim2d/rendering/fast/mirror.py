@@ -1,9 +1,9 @@
-"""Fast frames of a mirror camera: one ray for each pixel from tables, with edges averaged along each bearing.
+"""Fast renderer of a mirror camera's frames: one ray for each pixel from tables, with edges averaged along bearings.
 
-It draws walls, goals with nets, boxes, robots, ball and lines under evenly changing light, like `MirrorRenderer`, but
-no texture, shadows, highlights and bystanders. Along a bearing of an upright mirror objects hide each other in one
-order, which is several times faster than the tiles of `ForwardFrames`; these need rays that change evenly from pixel to
-pixel, unlike a mirror's.
+Like `MirrorRenderer` it draws walls, goals with nets, boxes, robots, ball and lines under a linear light gradient, but
+no texture, shadows, highlights and bystanders. Along a bearing of an upright mirror, objects hide each other in order
+of distance. That makes it several times faster than the tiles of `ForwardFrames`, which need rays that change evenly
+from pixel to pixel, unlike a mirror's.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from sim2d.rendering.rays import RIM_MARGIN, MirrorRays
 from sim2d.rendering.scene import Ball, Robot, Scene
 from sim2d.rendering.sensor import Sensor
 
-ENTRIES, SPANS = 14, 32  # greatest numbers of objects along a bearing, and of spans they make
-# step of the derivatives by a lean; and least lean that is drawn, which moves the picture by a tenth of a pixel
+ENTRIES, SPANS = 14, 32  # greatest numbers of objects along a bearing, and of spans that they make
+# step of the derivatives by a lean, and the smallest lean that is drawn, which moves the picture by a tenth of a pixel
 _STEP_RAD, _MIN_LEAN_RAD = math.radians(1.0), math.radians(0.01)
-# second map for OpenCV, which is not used for interleaved coordinates
+# OpenCV's second map is not used when coordinates are interleaved
 _NO_MAP = np.empty(0, dtype=np.float32)
 
 
 class MirrorFrames(MatchFrames):
-    """Draws for a mirror camera with a known viewpoint height; see `MatchFrames`.
+    """Draws the frames of a mirror camera with a known viewpoint height; see `MatchFrames`.
 
     Raises
     ------
@@ -86,7 +86,7 @@ class MirrorFrames(MatchFrames):
         pose : Pose2
             Pose of the robot that carries the camera, field frame.
         pitch_rad, roll_rad : float
-            Lean of its body about its foot: nose up and right side down are positive.
+            Lean of the robot's body about its foot; positive: nose up, and right side down.
         """
         if not (pitch_rad or roll_rad):
             return self._draw_upright(robots, ball, pose)
@@ -120,9 +120,9 @@ class PixelTable:
     height_m: float
     #: Rays of the pixels that show the scene.
     rays: PixelRays
-    #: (3, H * W) float32: floor point and gain of every pixel of the image; 0 without a ray.
+    #: (3, H * W) float32: x and y of the floor point, robot frame, and gain of every pixel; 0 without a ray.
     floor: Float32Array
-    #: (3, H * W) uint8: the picture without rays: the robot's own body, and black.
+    #: (3, H * W) uint8: colours of the pixels without a ray: the robot's own body, and black.
     body: UInt8Array
 
 
@@ -191,7 +191,7 @@ def _spread(along: FloatArray, reach: FloatArray) -> FloatArray:
 
 
 def _slope_range(camera: OmniCamera, pixels: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the least and greatest slope (N,) over each pixel (N, 2), by the gradient half a pixel away."""
+    """Return the smallest and greatest slope (N,) within each pixel (N, 2), by central differences."""
 
     def slope(du: float, dv: float) -> FloatArray:
         ray = camera.pixel_to_ray(pixels + np.array([du, dv]))
@@ -199,14 +199,14 @@ def _slope_range(camera: OmniCamera, pixels: FloatArray) -> tuple[FloatArray, Fl
 
     middle = slope(0.0, 0.0)
     half = np.hypot(slope(0.25, 0.0) - slope(-0.25, 0.0), slope(0.0, 0.25) - slope(0.0, -0.25))
-    half = np.maximum(np.nan_to_num(half), 1e-6)  # a table's curve may end beside the pixel
+    half = np.maximum(np.nan_to_num(half), 1e-6)  # NaN where the mirror's curve ends within the pixel
     return middle - half, middle + half
 
 
 class LeaningMirror:
     """Applies a small lean of the body to pictures of an upright mirror camera.
 
-    The upright pixel with the same ray, which each pixel shows, is linear in the lean.
+    Each pixel of the leaning camera shows the upright picture at another place, which is linear in the lean.
     """
 
     def __init__(self, camera: OmniCamera) -> None:
@@ -228,7 +228,7 @@ class LeaningMirror:
         )
 
     def shift_m(self, pitch_rad: float, roll_rad: float) -> tuple[float, float]:
-        """Return the camera's shift forward and left by a lean of the body about its foot."""
+        """Return the camera's displacement forward and left by a lean of the body about its foot."""
         return -self._height_m * math.sin(pitch_rad), -self._height_m * math.sin(roll_rad)
 
     def lean(self, frame: UInt8Array, pitch_rad: float, roll_rad: float) -> UInt8Array:
@@ -237,13 +237,13 @@ class LeaningMirror:
         Parameters
         ----------
         pitch_rad, roll_rad : float
-            Nose up and right side down are positive.
+            Positive: nose up, and right side down.
         """
         if max(abs(pitch_rad), abs(roll_rad)) < _MIN_LEAN_RAD:
             return frame
         cv2.scaleAdd(self._by_pitch, pitch_rad, self._upright, self._source)
         cv2.scaleAdd(self._by_roll, roll_rad, self._source, self._source)
-        # OpenCV is fastest with whole pixels and fractions
+        # OpenCV is fastest with fixed-point maps
         whole, parts = cv2.convertMaps(self._source, _NO_MAP, cv2.CV_16SC2)
         moved = cv2.remap(frame, whole, parts, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         return np.asarray(moved, dtype=np.uint8)

@@ -39,7 +39,7 @@ NEGATIVE_VIEWS: tuple[View, ...] = ("no_goal", "half_goal", "goal_behind_robot",
 
 ERS7_FIELD_OF_VIEW_RAD = math.radians(56.9)
 FRAME_MARGIN = 0.03  # least distance of a whole goal from the image's border, as a fraction of its width
-AIM_SPREAD_RAD = (0.12, 0.10)  # greatest deviation of the axis from the goal's middle, pan and tilt
+AIM_SPREAD_RAD = (0.12, 0.10)  # greatest deviations in pan and tilt of the optical axis from the goal's middle
 ROLL_STD_RAD = 0.03
 TRIES = 200
 CLEAR_SHOT = Sensor(noise_sigma=2.0, blur_px=0.5, vignette=0.10)
@@ -165,7 +165,7 @@ def sample_goal(
     Raises
     ------
     ArgumentError
-        If the field has no goals of posts, or the goal cannot be got into the picture from a given place.
+        If the field has no goals of posts, or the goal does not fit into the picture from a given place.
     """
     if not field.goals or any(goal.kind != "posts" for goal in field.goals):
         raise ArgumentError(f"field '{field.name}' has no goals of posts and a bar")
@@ -241,7 +241,7 @@ def _random_place(field: Field, goal: Goal, rng: np.random.Generator) -> tuple[f
 def _aim(
     camera: PinholeCamera, goal: Goal, x: float, y: float, view: View, rng: np.random.Generator
 ) -> tuple[Pose2, PinholeCamera] | None:
-    """Aim the camera at random so that the picture shows all of the goal, half, or nothing; None if that fails."""
+    """Aim the camera at random so that the picture shows the goal as `view` says; None if that fails."""
     outline = goal_outline(goal) - (x, y, camera.height_m)
     bearing = np.arctan2(outline[:, 1], outline[:, 0])
     middle = float(bearing[0])
@@ -279,6 +279,6 @@ def _aim(
 
 
 def _turned(points: FloatArray, heading_rad: float) -> FloatArray:
-    """Return points (N, 3) relative to a viewpoint in a frame with this heading."""
+    """Turn points (N, 3) relative to a viewpoint into the frame with this heading."""
     flat = Pose2(0.0, 0.0, -heading_rad).transform(points[:, :2])
     return np.column_stack([flat, points[:, 2]])

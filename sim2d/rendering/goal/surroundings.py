@@ -23,7 +23,7 @@ TRIES = 200
 
 @dataclass(frozen=True, slots=True)
 class Glare:
-    """A reflection of a lamp on a post or bar: a patch of white light with soft edges on its round side."""
+    """A reflection of a lamp on a post or bar: a patch of white light with soft edges on its cylinder."""
 
     #: +1 for the goal at +x, -1 for the one at -x.
     goal_side: int
@@ -39,7 +39,7 @@ class Glare:
     amplitude: float
 
     def add_to(self, traced: TracedLight, goal: Goal) -> None:
-        """Add this light to the rays that meet the goal's paint there."""
+        """Add this light to the rays that meet the patch."""
         eye, rays = traced.eye, traced.rays
         met = np.flatnonzero(traced.surface != FLOOR)
         x, y, z = traced.x_m[met] - goal.line_x_m, traced.y_m[met], traced.z_m[met]
@@ -80,7 +80,7 @@ class SunPatch:
     factor: float
 
     def shine_on(self, traced: TracedLight) -> None:
-        """Brighten every ray that meets something sunlit, except the room's wall."""
+        """Brighten every ray that meets a point in the sunlight, except on the room's wall."""
         drop = np.maximum(traced.z_m, 0) / math.tan(self.sun_elevation_rad)
         dx = traced.x_m - drop * math.cos(self.sun_azimuth_rad) - self.x_m
         dy = traced.y_m - drop * math.sin(self.sun_azimuth_rad) - self.y_m
@@ -172,9 +172,9 @@ def lying_ball(field: Field, pose: Pose2, rng: np.random.Generator) -> Ball | No
 
 
 def lamp_glare(level: GlareLevel, goal: Goal, rng: np.random.Generator) -> tuple[Glare, ...]:
-    """Draw glare: patches on the upper parts of posts and anywhere on the bar, where lamps are above; or whole streaks.
+    """Draw random glare: patches on the upper parts of posts and anywhere on the bar, or streaks.
 
-    Streaks occur because a far lamp is reflected along all of a smooth round bar.
+    A streak occurs where a far lamp is reflected along the whole of a smooth round bar.
     """
     if level == "none":
         return ()

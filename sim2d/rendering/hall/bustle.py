@@ -113,7 +113,7 @@ def populated(
     light: HallLight,
     rng: np.random.Generator,
 ) -> tuple[Hall, Bustle]:
-    """Add a person for each way; return the hall with their clothes among its textures, and the movement in it."""
+    """Add a person for each way; return the hall with the textures of their clothes added, and the movement in it."""
     textures = list(hall.textures)
     people = []
     for start, end in ways_m:

@@ -26,11 +26,11 @@ from sim2d.rendering.rays import sample_offsets
 
 _LEVELS = 9
 _NEAREST_M = 0.02
-# along x, along y, and height
+# size of the hall along x, along y, and its height
 SIZE_M: Vector = (9.0, 7.0, 3.0)
 # length of one turn of `loop_path`
 _LOOP_M = 10.0
-# posters on the walls, shelves and cupboards in front of them, crates in the middle
+# numbers of posters on the walls, of shelves and cupboards in front of them, and of crates in the middle
 _POSTERS, _FURNITURE, _CRATES = 44, 18, 4
 
 
@@ -38,11 +38,11 @@ _POSTERS, _FURNITURE, _CRATES = 44, 18, 4
 class HallLight:
     """Light in the hall."""
 
-    #: Overall brightness.
+    #: Factor of all light.
     level: float = 1.0
-    #: Fraction of ambient light.
+    #: Ambient light.
     ambient: float = 0.55
-    #: Position and strength: the light on a surface that faces the lamp at 1 m.
+    #: x, y, z of each lamp, field frame, and its strength: the light on a surface that faces the lamp at 1 m.
     lamps: tuple[tuple[float, float, float, float], ...] = ((-2.2, 0.0, 2.8, 2.5), (2.2, 0.0, 2.8, 2.5))
 
     def __post_init__(self) -> None:
@@ -52,7 +52,7 @@ class HallLight:
 
 @dataclass(frozen=True, eq=False)
 class Hall:
-    """Panels and their textures."""
+    """A hall as a set of textured panels."""
 
     #: Walls, posters, furniture.
     panels: tuple[Panel, ...]
@@ -66,7 +66,7 @@ class Hall:
 
     @cached_property
     def pyramids(self) -> Pyramids:
-        """All textures at all scales."""
+        """All textures at all scales (mipmaps)."""
         texels: list[UInt8Array] = []
         levels = np.zeros((len(self.textures), _LEVELS, 3), dtype=np.int64)
         first = 0
@@ -127,17 +127,17 @@ class HallBuilder:
         return len(self._textures) - 1
 
     def add_wall(self, number: int, texture: int) -> None:
-        """Put up one of the walls."""
+        """Add one of the walls."""
         corner, along, width = self.walls[number]
         self.panels.append(Panel(corner, along, (0.0, 0.0, 1.0), (width, self._height), texture))
 
     def add_floor(self, texture: int) -> None:
-        """Lay the floor."""
+        """Add the floor."""
         corner = -self._length / 2, -self._depth / 2, 0.0
         self.panels.append(Panel(corner, (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (self._length, self._depth), texture))
 
     def add_ceiling(self, texture: int) -> None:
-        """Put up the ceiling."""
+        """Add the ceiling."""
         corner = -self._length / 2, self._depth / 2, self._height
         self.panels.append(Panel(corner, (1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (self._length, self._depth), texture))
 
@@ -221,12 +221,12 @@ class HallCamera:
     def render(
         self, hall: Hall, pose: Pose2, light: HallLight | None = None, passers: Sequence[Panel] = ()
     ) -> Float32Array:
-        """Render the hall from a pose of the robot (of the camera itself, where its offset and pan are 0).
+        """Render the hall from a pose of the robot, or of the camera itself if its offset and pan are 0.
 
         Parameters
         ----------
         passers : sequence of Panel
-            Temporary objects, in the hall's textures.
+            Additional panels, such as passers-by, with textures of the hall.
 
         Returns
         -------
@@ -251,7 +251,7 @@ class HallCamera:
         return np.asarray(self._hits.depth.min(axis=2), dtype=np.float32)
 
     def _windows(self, panels: Panels, pose: Pose2) -> npt.NDArray[np.int64]:
-        """Return the part of the image in which each panel may be; all of it if the panel extends behind the camera."""
+        """Return rows from, to, columns from, to (P, 4) of each panel's part of the image; all if it reaches behind."""
         origin = panels.origin
         width, height = self.camera.size_px
         a, b = panels.along * panels.size[:, :1], panels.up * panels.size[:, 1:]

@@ -74,7 +74,7 @@ def make_lecture_hall(seed: int) -> Hall:
 
 
 def visit(hall: Hall, seed: int, *, level: float = 0.9) -> tuple[Hall, Bustle]:
-    """Add light and people, by a seed; return the hall with their clothes among its textures, and its movement."""
+    """Add light and people by a seed; return the hall with the textures of their clothes added, and its movement."""
     rng = np.random.default_rng([seed, 0xB057])
     moved = [tuple(tuple((np.array(end) + rng.uniform(-0.2, 0.2, 2)).tolist()) for end in walk) for walk in _WALKS_M]
     ways = [((a[0], a[1]), (b[0], b[1])) for a, b in moved]

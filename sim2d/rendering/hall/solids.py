@@ -39,7 +39,7 @@ def panel_arrays(panels: Sequence[Panel]) -> Panels:
 
 
 def inward(along: Vector, by_m: float) -> Vector:
-    """Return a vector of this length from a wall into the room."""
+    """Return a vector of length `by_m` from a wall into the room."""
     return along[1] * by_m, -along[0] * by_m, 0.0
 
 
@@ -49,9 +49,9 @@ def box(place: Pose2, size_m: Vector, skins: Sequence[int], base_m: float = 0.0)
     Parameters
     ----------
     place : Pose2
-        Its middle, and the direction of its first edge.
+        Middle of the box, and direction of its first edge.
     size_m : (float, float, float)
-        Along that edge, across it, and height.
+        Size along that edge, across it, and height.
     base_m : float
         Height of its bottom above the floor.
     """
@@ -71,9 +71,9 @@ def prism(
     Parameters
     ----------
     place : Pose2
-        Its axis, and its heading.
+        Place of its axis, and heading.
     radii_m : (float, float)
-        Along the heading and across it.
+        Radii along the heading and across it.
     heights_m : (float, float)
         Heights of bottom and top above the floor.
     """

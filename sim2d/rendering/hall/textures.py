@@ -1,6 +1,6 @@
-"""Textures of a hall and its people, from a seed: pictures, notices, shelves, walls, repeated patterns, clothes.
+"""Random textures of a hall and its people: pictures, posters, shelves, walls, repeated patterns, clothes.
 
-The pictures are those that come with scikit-image; drawn ones replace missing ones.
+Photographs are those that come with scikit-image; drawn posters replace missing ones.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _WORDS = (
 
 @lru_cache(maxsize=1)
 def bundled_pictures() -> tuple[UInt8Array, ...]:
-    """Return scikit-image's own pictures, BGR; empty if it is not installed."""
+    """Return pictures of scikit-image, each (H, W, 3) uint8 BGR; empty if it is not installed."""
     spec = find_spec("skimage")
     if spec is None or spec.origin is None:
         return ()
@@ -64,13 +64,13 @@ def bundled_pictures() -> tuple[UInt8Array, ...]:
 
 
 def some_color(rng: np.random.Generator, low: float = 20, high: float = 235) -> tuple[float, float, float]:
-    """Draw a colour, BGR."""
+    """Draw a random colour, BGR, each channel between `low` and `high`."""
     blue, green, red = rng.uniform(low, high, 3)
     return float(blue), float(green), float(red)
 
 
 def grain(rng: np.random.Generator, drawn: UInt8Array, sigma: float) -> UInt8Array:
-    """Add noise with scales from a texel to an eighth of the picture."""
+    """Return a picture with added noise, on scales from a texel to an eighth of the picture."""
     picture = drawn.astype(np.float32)
     rows, columns = picture.shape[:2]
     for cell, fraction in ((1, 0.5), (8, 0.6), (max(rows // 8, 2), 1.0)):
