@@ -365,13 +365,15 @@ class VisionNode:
             return None
 
     def _look(self, frame: Any, t_s: float, mounting: Mounting | None) -> View:
-        initial, self._initial = self._initial, None
-        motion = None
-        if self._memory is None and self._odometry is not None:
-            if self._at_last_frame is not None:
-                motion = self._at_last_frame.inverse().compose(self._odometry)
-            self._at_last_frame = self._odometry
-        return self.vision.look(frame, t_s, motion, initial, mounting=mounting)
+        motion, odometry = None, self._odometry if self._memory is None else None
+        if odometry is not None and self._at_last_frame is not None:
+            motion = self._at_last_frame.inverse().compose(odometry)
+        view = self.vision.look(frame, t_s, motion, self._initial, mounting=mounting)
+        # not before: a frame that is refused leaves them to the next one
+        self._initial = None
+        if odometry is not None:
+            self._at_last_frame = odometry
+        return view
 
     def _note_time(self, t_s: float) -> None:
         """Forget everything if time jumps back, as when a bag is played again: filters only run forwards."""
