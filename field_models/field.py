@@ -212,6 +212,11 @@ class Field:
         return self.boundary != "carpet"
 
     @property
+    def has_lines(self) -> bool:
+        """Whether there are lines or arcs on the floor."""
+        return bool(len(self.lines) + len(self.arcs))
+
+    @property
     def painted_lines(self) -> FloatArray:
         """(N, 4) float64: `lines`, and the centre lines of crosses' strokes, half a line width short of their ends."""
         rows = []

@@ -55,13 +55,13 @@ def empty_frames(size_px: tuple[int, int], rng: np.random.Generator) -> list[Any
     return [*levels, green, rng.integers(0, 256, shape).astype(np.uint8)]
 
 
-def mirror_frames(seed: int, count: int) -> list[Any]:
+def mirror_frames(seed: int, count: int, field: str = "ssl_2001") -> list[Any]:
     from sim2d.rendering.cameras import sekimori_camera
     from sim2d.rendering.random_scenes import CONDITIONS, sample
 
     frames = []
     for name in ("nominal", "crowd", "bad_day", "dark", "miscalibrated"):
-        drawn = sample(load_field("ssl_2001"), sekimori_camera(), CONDITIONS[name], seed, count, supersample=2)
+        drawn = sample(load_field(field), sekimori_camera(), CONDITIONS[name], seed, count, supersample=2)
         frames += [(one.frame, one.pose) for one in drawn]
     return frames
 
@@ -86,7 +86,8 @@ def mirror(method: str, seed: int = 1, count: int = 4) -> Workload:
     visions = [Vision(load_field("ssl_2001"), camera, method=method)]
     visions.append(Vision(load_field("ssl_2001"), camera, method=method, mask=mask))
     if method == "field":
-        visions.append(Vision(load_field("ssl_division_b"), camera))
+        by_lines = Vision(load_field("msl_6x4"), camera)
+        visions += [by_lines, Vision(load_field("ssl_division_b"), camera)]
         # a calibration looks by this method too
         Vision(load_field("ssl_2001"), camera, method="floor")
     yield
@@ -102,6 +103,7 @@ def mirror(method: str, seed: int = 1, count: int = 4) -> Workload:
     vision.look(frames[0][0])
     look_at(Vision(load_field("ssl_2001"), camera, vision.colors, method=method), frames[:30])
     if method == "field":
+        look_at(by_lines, mirror_frames(seed, count, "msl_6x4"))
         calibrate_omni(load_field("ssl_2001"), images("omni_ssl_2001")[:3])
         online = OnlineCalibration(load_field("ssl_2001"), camera, settings=OFTEN)
         look_at(Vision(load_field("ssl_2001"), camera, online=online), frames[:10])
@@ -168,7 +170,8 @@ def pinhole(method: str, seed: int = 1, count: int = 12) -> Workload:
         camera, frames = walk_frames(seed, count, field)
     visions = [Vision(field, camera, method=method)]
     if method == "edges":
-        visions.append(Vision(load_field("ssl_division_b"), camera))
+        by_lines = Vision(load_field("msl_6x4"), camera)
+        visions += [by_lines, Vision(load_field("ssl_division_b"), camera)]
         visions.append(Vision(field, replace(camera, roll_std_rad=None, height_std_m=0.0)))
     if method == "goal":
         # white goals, and lines by which the tilt is told

@@ -14,7 +14,7 @@ from robocup_vision.calibration.forward.starts import KnownOfCamera
 from robocup_vision.camera import load_camera
 from robocup_vision.estimates import PoseEstimate
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 from robocup_vision.vision import Vision
 
 REAL = Path(__file__).resolve().parents[2] / "shared" / "real"

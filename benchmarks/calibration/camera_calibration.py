@@ -37,7 +37,7 @@ from robocup_vision import Vision, draw, load_camera
 from robocup_vision.calibration.omni.calibrate import OmniCalibration, calibrate_omni
 from robocup_vision.calibration.omni.model import hyperboloid_of, scale_and_horizon
 from robocup_vision.camera import OmniCamera, Tangent
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.random_scenes import CONDITIONS, Sample, sample
 

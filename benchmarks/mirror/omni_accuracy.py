@@ -47,7 +47,7 @@ from robocup_vision.camera import OmniCamera
 from robocup_vision.evaluation.dataset import Truth
 from robocup_vision.evaluation.scoring import FAIR_M, FAIR_RAD, Row, figures, pose_error
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 from robocup_vision.perception.free_space import FreeSpace
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.random_scenes import CONDITIONS, sample

@@ -11,7 +11,7 @@ Further figures: the 99th percentile over the median, and in how many looks the 
 99th percentile per stage; the 40 to 45 ms a frame that Sekimori et al. print for the computer of their robot, and their
 way of locating as implemented here (method "hull", the rest of the frame the same); a first frame, whose colours must
 be learnt (`Vision.forget` before it); the cold search by lines alone on rendered images of msl_6x4, whose carpet goes
-on beyond the lines (`LinePoseEstimator.locate`, no prior, floor tone unknown); and the time to make a `Vision` in a
+on beyond the lines (`EdgeLocalizer.locate`, no prior, the carpet unknown); and the time to make a `Vision` in a
 fresh process once compiled code is on the disk, without the imports.
 """
 
@@ -32,8 +32,12 @@ import numpy as np
 from benchmarks.harness import Table, program, verdict
 from field_models import load_field
 from robocup_vision import MotionLimits, Steering, Vision
+from robocup_vision.camera.downward import downward
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
+from robocup_vision.localization.localizer import frame_alone
+from robocup_vision.localization.mirror import ALL_SAMPLES
+from robocup_vision.localization.model_edges.field_edges import lines_only
+from robocup_vision.localization.model_edges.localizer import EdgeLocalizer
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.random_scenes import CONDITIONS, sample
 
@@ -139,14 +143,17 @@ def measure_frames(size: tuple[int, int], frames: list[np.ndarray], count: int, 
 def measure_line_search(size: tuple[int, int], count: int, seed: int) -> tuple[list[float], int]:
     """Seconds of the search by the lines alone, each frame as if it were the first, and how many were located."""
     camera = sekimori_camera(*size)
-    estimator = LinePoseEstimator(CARPET_FIELD, camera)
+    looking_down = downward(camera)
+    localizer = EdgeLocalizer(lines_only(CARPET_FIELD), looking_down, ALL_SAMPLES)
     seconds: list[float] = []
     located = 0
     for drawn in sample(CARPET_FIELD, camera, CONDITIONS["nominal"], seed, count):
+        evidence = frame_alone(drawn.frame, looking_down)
         if not seconds:  # compiled code is loaded before the clock runs
-            estimator.locate(drawn.frame)
+            localizer.locate(evidence)
+        localizer.forget()
         begin = thread_time()
-        located += bool(estimator.locate(drawn.frame))
+        located += bool(localizer.locate(evidence).pose)
         seconds.append(thread_time() - begin)
     return seconds, located
 

@@ -7,9 +7,9 @@ edges in the picture use only those within `WIDEST_RAD`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Literal
+from typing import ClassVar, Literal, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +49,7 @@ class FisheyeCamera(PinholeCamera):
 
     projection: Projection = "kannala_brandt"
     usable_radius_px: tuple[float, float] | None = None
+    _sloping_rad: ClassVar[float] = WIDEST_RAD
 
     def _check_lens(self) -> None:
         if self.projection not in PROJECTIONS:
@@ -116,7 +117,15 @@ class FisheyeCamera(PinholeCamera):
     @property
     def widest_slope(self) -> float:
         """See `PinholeCamera.widest_slope`: at most that of `WIDEST_RAD`."""
-        return math.tan(min(self.widest_rad, WIDEST_RAD))
+        return math.tan(min(self.widest_rad, self._sloping_rad))
+
+    def in_size(self, size_px: tuple[int, int]) -> PinholeCamera:
+        """See `PinholeCamera.in_size`."""
+        other = super().in_size(size_px)
+        if self.usable_radius_px is None or other is self:
+            return other
+        inner, outer = (radius * size_px[0] / self.size_px[0] for radius in self.usable_radius_px)
+        return replace(cast("FisheyeCamera", other), usable_radius_px=(inner, outer))
 
     def angle_of_radius(self, radius: FloatArray) -> FloatArray:
         """Invert `image_radius`; NaN outside the lens's circle."""
@@ -151,7 +160,7 @@ class FisheyeCamera(PinholeCamera):
     def ideal_slopes(self, pixels: npt.ArrayLike) -> FloatArray:
         """See `PinholeCamera.ideal_slopes`: NaN beyond `WIDEST_RAD` off the axis."""
         ray = self.pixel_to_camera_ray(pixels)
-        ahead = np.where(ray[..., :1] >= math.cos(WIDEST_RAD) - 1e-12, ray[..., :1], np.nan)
+        ahead = np.where(ray[..., :1] >= math.cos(self._sloping_rad) - 1e-12, ray[..., :1], np.nan)
         return np.asarray(-ray[..., 1:] / ahead)
 
     def pixel_to_floor(self, pixels: npt.ArrayLike) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Table of a forward camera's lens for compiled loops, in one format for all lens models."""
+"""Table of a camera's lens for compiled loops, in one format for all lens models."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _BORDER = 33
 
 
 def lens_table(camera: PinholeCamera) -> FloatArray:
-    """Return the table of `kernels.algebra.lens` for a camera: (15,) float64 without distortion, else (1295,).
+    """Return the table of `kernels.algebra.lens` for a camera: (24,) float64 without distortion, else (1304,).
 
     It covers the picture, but not beyond the camera's widest slope.
     """
@@ -36,10 +36,11 @@ def lens_table(camera: PinholeCamera) -> FloatArray:
     most2 = _MARGIN2 * float((slopes**2).sum(axis=1).max()) if seen.all() else math.inf
     if camera.is_bent:
         most2 = min(most2, camera.widest_slope**2)
+    mount = camera.mount.ravel()
     numbers = [*camera.focal_px, *camera.center_px, width, height, float(camera.is_bent)]
     numbers += [*camera.tangential, most2, *(_MARGIN * widest)]
     if not camera.is_bent:
-        return read_only([*numbers, 0.0, 0.0, 0.0])
+        return read_only([*numbers, 0.0, 0.0, 0.0, *mount])
     lowest = 1.0 / math.sqrt(1.0 + most2)
     cosine = np.linspace(lowest, 1.0, CELLS + 1)
     angle = np.arccos(np.minimum(cosine, 1.0))
@@ -49,7 +50,7 @@ def lens_table(camera: PinholeCamera) -> FloatArray:
     angle = camera.angle_of_radius(np.sqrt(squared))
     inverse = np.concatenate([_cells(squared, *each) for each in _inverse(camera, angle)], axis=1)
     cells = np.concatenate([forward.ravel(), inverse.ravel()])
-    return read_only([*numbers, lowest, CELLS / (1.0 - lowest), INVERSE_CELLS / radius**2, *cells])
+    return read_only([*numbers, lowest, CELLS / (1.0 - lowest), INVERSE_CELLS / radius**2, *mount, *cells])
 
 
 def _radius_and_slope(camera: PinholeCamera, angle: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -33,6 +33,7 @@ _DISTORTED_STEP = 1e-12
 SWAY_STD_RAD, UPRIGHT_STD_RAD = 0.02, 0.1
 # step of the numerical derivative of a fisheye's radius
 _ANGLE_STEP_RAD = 1e-6
+_LOOKS_AHEAD = read_only(np.eye(3))
 
 
 def camera_rotation(pan_rad: npt.ArrayLike, tilt_rad: npt.ArrayLike, roll_rad: npt.ArrayLike) -> FloatArray:
@@ -251,6 +252,11 @@ class PinholeCamera:
     def camera_in_robot(self) -> Pose2:
         """The camera's foot on the floor and the heading of its axis, robot frame; an unknown pan is 0."""
         return Pose2(*self.offset_m, self.pan_rad or 0.0)
+
+    @property
+    def mount(self) -> FloatArray:
+        """(3, 3) float64: rotation of directions from the camera frame into that of its mounting, which tilts."""
+        return _LOOKS_AHEAD
 
     @cached_property
     def camera_to_robot(self) -> FloatArray:

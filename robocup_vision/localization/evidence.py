@@ -26,7 +26,7 @@ from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array, read_only
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.floor.free_floor import FLOOR, LINE
 from robocup_vision.kernels.walls.evidence import AGREES, CLOSE, HIDDEN, weigh_outline
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 from robocup_vision.localization.outline_model import OutlineFit
 from robocup_vision.perception.polar_view import PolarView
 

@@ -16,6 +16,7 @@ import numpy as np
 from field_models.errors import ArgumentError
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, Int64Array
+from robocup_vision.camera.downward import DownwardCamera
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate, pose_of
 from robocup_vision.geometry import Pose2
@@ -37,7 +38,7 @@ from robocup_vision.localization.outline_model import (
     OutlineNoise,
 )
 from robocup_vision.localization.outline_search import OutlineSearch
-from robocup_vision.localization.walls import wall_px
+from robocup_vision.localization.walls import wall_range_m
 from robocup_vision.perception.polar_view import PolarView
 
 # one edge for each unknown of the pose
@@ -153,9 +154,17 @@ class OutlineFitter:
         """Weigh a fit by the outline alone, given each bearing's outermost floor sample (K,), -1 if none."""
         return self._outline_evidence.weigh(fit, floor_column)
 
-    def weigh_pose(self, pose: Pose2, radius_px: FloatArray, floor_column: Int64Array) -> OutlineTally:
-        """Weigh a pose from another source by an outline (K,) alone."""
-        walls = wall_px(self.field.walls, pose, self.view)
+    def weigh_pose(
+        self, pose: Pose2, camera: DownwardCamera, radius_px: FloatArray, floor_column: Int64Array
+    ) -> OutlineTally:
+        """Weigh a pose from another source, with the camera as it leans, by an outline (K,) alone."""
+        bearing = self.view.bearing_rad
+        range_m = wall_range_m(self.field.walls, pose.compose(self.camera.camera_in_robot), bearing)
+        away = (
+            np.stack([np.cos(bearing), np.sin(bearing)], axis=-1) * np.where(range_m < np.inf, range_m, np.nan)[:, None]
+        )
+        feet = camera.floor_to_pixel(self.camera.offset_m + away) - self.camera.center_px
+        walls = np.hypot(feet[:, 0], feet[:, 1])
         return self._outline_evidence.weigh_walls(radius_px - walls, walls, floor_column)
 
     def locate(

@@ -44,7 +44,7 @@ class _Goals:
 
     def __init__(self, field: Field, camera: PinholeCamera) -> None:
         self._field, self._camera = field, camera
-        self._has_lines = bool(len(field.lines) + len(field.arcs))
+        self._has_lines = field.has_lines
 
     @cached_property
     def _by_edges(self) -> TiltFinder:

@@ -18,6 +18,7 @@ from robocup_vision.localization.floor import require_bounded
 from robocup_vision.localization.forward import GoalLocalizer
 from robocup_vision.localization.localizer import Camera, Localizer
 from robocup_vision.localization.mirror import MirrorLocalizer
+from robocup_vision.localization.model_edges.field_edges import lines_only
 from robocup_vision.localization.model_edges.localizer import EdgeLocalizer
 from robocup_vision.perception.polar_view import PolarView
 
@@ -136,9 +137,9 @@ def make_pinhole_localizer(method: Method, field: Field, camera: PinholeCamera) 
 def _with_features(field: Field, name: str) -> Field:
     """Return the field with only the features of a method of edges."""
     if name == "field":
-        if not len(field.lines) + len(field.arcs):
+        if not field.has_lines:
             raise ArgumentError(f"method 'field' needs white lines, and '{field.name}' has none")
-        return replace(field, goals=(), beacons=(), boundary="carpet")
+        return lines_only(field)
     if name == "floor":
         require_bounded(field)
         goals = tuple(goal for goal in field.goals if goal.kind != "posts")

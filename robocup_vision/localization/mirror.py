@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
 from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
+from robocup_vision.camera.downward import DownwardCamera, downward
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.estimates import NotLocated, PoseEstimate, pose_of
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.evidence import LineEvidence, LineOdds, no_lines
-from robocup_vision.localization.field_half import GoalSide, nearer_half
+from robocup_vision.localization.field_half import GoalSide, in_both_halves, nearer_half
 from robocup_vision.localization.floor import OutlineFitter
-from robocup_vision.localization.lines.pose_estimator import LinePoseEstimator
-from robocup_vision.localization.localizer import FrameEvidence, Localization
-from robocup_vision.perception.line_points import LinePoints
+from robocup_vision.localization.line_map import LineMap
+from robocup_vision.localization.localizer import Camera, FrameEvidence, Localization
+from robocup_vision.localization.model_edges.field_edges import lines_only
+from robocup_vision.localization.model_edges.localizer import EdgeLocalizer
+from robocup_vision.localization.model_edges.settings import EdgeSettings
 from robocup_vision.perception.polar_view import PolarView
 
-# interval of searches over the whole field while lines are followed near the last pose
-_SEARCH_AGAIN_S = 1.0
+# lines all around a robot are many, and the picture of each is small: all their samples count
+ALL_SAMPLES = EdgeSettings(ample_samples=math.inf)
 
 
 class MirrorLocalizer:
@@ -49,18 +54,19 @@ class MirrorLocalizer:
         use_lines: bool = True,
     ) -> None:
         self._outline = OutlineFitter(field, camera, view) if field.is_bounded or not use_lines else None
-        lines = LinePoseEstimator(field, camera, mask) if use_lines and len(field.lines) + len(field.arcs) else None
-        self._lines = lines
+        self._lines: EdgeLocalizer | None = None
         self._line_evidence: LineEvidence | None = None
-        if self._outline is not None and lines is not None:
-            self._line_evidence = LineEvidence(lines.line_map, view, self._outline.evidence.lines)
+        if use_lines and field.has_lines:
+            self._downward = downward(camera)
+            self._lines = EdgeLocalizer(lines_only(field), self._downward, ALL_SAMPLES)
+            if self._outline is not None:
+                self._line_evidence = LineEvidence(LineMap(field), view, self._outline.evidence.lines)
         self._half = GoalSide(field, camera, mask)
-        self._points: LinePoints | None = None  # line points of the current frame
-        self.forget()
 
     def forget(self) -> None:
         """See `Localizer.forget`."""
-        self._searched_s: float | None = None  # time of the last search of the whole field by lines
+        if self._lines is not None:
+            self._lines.forget()
 
     def locate(self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None = None) -> Localization:
         """See `Localizer.locate`.
@@ -68,71 +74,49 @@ class MirrorLocalizer:
         The floor's outline has priority. If it is rejected, lines alone give the pose, unless the outline contradicts
         it. Finally the goals' colours determine the half of the field.
         """
-        self._points = None
-        start = pose_of(prior)
         estimate, wall_px, alone = self._by_outline(evidence, prior)
         if isinstance(estimate, NotLocated) and self._lines is not None:
-            estimate, wall_px = self._by_lines(self._lines, evidence, start, estimate), None
+            estimate, alone = self._by_lines(self._lines, evidence, prior, estimate)
+            wall_px = None
         if isinstance(estimate, NotLocated):
             return Localization(estimate, evidence.camera)
         assert evidence.table is not None
-        half = self._half.choose(evidence.frame, estimate, evidence.table.colors, start)
+        half = self._half.choose(evidence.frame, estimate, evidence.table.colors, pose_of(prior))
         measurement = partial(_in_half_of, alone, half) if alone is not None and half else None
         return Localization(half, evidence.camera, wall_px, measurement)
 
     def _by_outline(
         self, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None
-    ) -> tuple[PoseEstimate | NotLocated, FloatArray | None, PoseEstimate | None]:
+    ) -> tuple[PoseEstimate | NotLocated, FloatArray | None, _Measured | None]:
         """Return the pose by the floor's outline, the predicted image radii (K,) of walls, and its measurement."""
         if self._outline is None:
             return NotLocated(""), None, None
-        odds = self._line_odds(evidence)
-        answer = self._outline.locate(evidence.edge_px, evidence.floor_column, prior, odds)
-        estimate = answer.estimate
-        start = pose_of(prior)
-        if start is None or not estimate or not _is_open(estimate, self._outline.settings.sliding_std_m):
-            return answer
-        # the outline of a leaning body may not determine one direction, which lines near the prior may
-        if self._lines is not None:
-            followed = self._lines.follow(self._line_points(evidence.frame, self._lines), start)
-            if (
-                followed
-                and followed.std[:2].max() < estimate.std[:2].max()
-                and self._conflict(followed.pose, evidence) is None
-            ):
-                return followed, None, None
-        return answer
+        answer = self._outline.locate(evidence.edge_px, evidence.floor_column, prior, self._line_odds(evidence))
+        estimate, alone = answer.estimate, answer.measurement
+        is_open = estimate and _is_open(estimate, self._outline.settings.sliding_std_m)
+        if estimate and is_open and self._lines is not None:
+            # the outline of a leaning body may not determine one direction, which lines may
+            near, measured = self._by_lines(self._lines, evidence._replace(may_search=False), prior, NotLocated(""))
+            if near and near.std[:2].max() < estimate.std[:2].max():
+                return near, None, measured
+        return estimate, answer.wall_px, None if alone is None else lambda: alone
 
     def _by_lines(
-        self, lines: LinePoseEstimator, evidence: FrameEvidence, start: Pose2 | None, refusal: NotLocated
-    ) -> PoseEstimate | NotLocated:
-        """Return the pose by lines alone, after the outline has been rejected."""
-        estimate = self._follow_or_search(lines, evidence, start)
-        conflict = self._conflict(estimate.pose, evidence) if estimate else estimate.reason
-        if conflict is None:
-            return estimate
-        return NotLocated(f"{refusal.reason}; by lines: {conflict}" if refusal.reason else conflict)
-
-    def _follow_or_search(
-        self, lines: LinePoseEstimator, evidence: FrameEvidence, start: Pose2 | None
-    ) -> PoseEstimate | NotLocated:
-        """Follow the lines from the expected pose; search the whole field if that fails, and periodically."""
-        points, t_s, searched_s = self._line_points(evidence.frame, lines), evidence.t_s, self._searched_s
-        is_recent = t_s is not None and searched_s is not None and 0.0 <= t_s - searched_s < _SEARCH_AGAIN_S
-        if is_recent and start is not None:
-            followed = lines.follow(points, start)
-            if followed:
-                return followed
-        found = lines.locate(points)
-        # if the search contradicts the expected pose, the next frames are searched, too, to decide
-        self._searched_s = t_s if found and (start is None or lines.is_near(found, start)) else None
-        return found
-
-    def _line_points(self, frame: UInt8Array, lines: LinePoseEstimator) -> LinePoints:
-        """Return the line points of the current frame, found once."""
-        if self._points is None:
-            self._points = lines.finder.find(frame)
-        return self._points
+        self,
+        lines: EdgeLocalizer,
+        evidence: FrameEvidence,
+        prior: PoseEstimate | Pose2 | None,
+        refusal: NotLocated,
+    ) -> tuple[PoseEstimate | NotLocated, _Measured | None]:
+        """Return the pose by lines alone, after the outline has been rejected, and its measurement."""
+        found = lines.locate(evidence._replace(camera=self._downward), prior)
+        pose, measured = found.pose, found.measurement
+        conflict = pose.reason if isinstance(pose, NotLocated) else self._conflict(pose.pose, found.camera, evidence)
+        if conflict is not None or not pose:
+            return NotLocated(f"{refusal.reason}; by lines: {conflict}" if refusal.reason else str(conflict)), None
+        if found.tells_half or measured is None:
+            return pose, measured
+        return in_both_halves(pose, pose_of(prior)), lambda: in_both_halves(measured())
 
     def _line_odds(self, evidence: FrameEvidence) -> LineOdds:
         """Return a function of a pose that gives its log odds by the lines in the frame's samples."""
@@ -140,18 +124,22 @@ class MirrorLocalizer:
             return no_lines
         return partial(self._line_evidence.log_odds, marks=evidence.marks)
 
-    def _conflict(self, pose: Pose2, evidence: FrameEvidence) -> str | None:
+    def _conflict(self, pose: Pose2, camera: Camera, evidence: FrameEvidence) -> str | None:
         """Return the outline's contradiction to a pose by lines alone; None without one, or without walls."""
         if self._outline is None:
             return None
-        tally = self._outline.weigh_pose(pose, evidence.edge_px, evidence.floor_column)
-        log_odds = tally.log_odds + self._line_odds(evidence)(pose)
-        return tally.reason(log_odds) if log_odds < self._outline.evidence.min_log_odds else None
+        assert isinstance(camera, DownwardCamera)
+        tally = self._outline.weigh_pose(pose, camera, evidence.edge_px, evidence.floor_column)
+        return tally.reason(tally.log_odds) if tally.log_odds < 0.0 else None
 
 
-def _in_half_of(measurement: PoseEstimate, chosen: PoseEstimate) -> PoseEstimate:
+# returns an estimate without its prior
+_Measured = Callable[[], PoseEstimate]
+
+
+def _in_half_of(measured: _Measured, chosen: PoseEstimate) -> PoseEstimate:
     """Return a measurement in the chosen half of the field; in both if that is unknown."""
-    nearer = nearer_half(measurement, chosen.pose)
+    nearer = nearer_half(measured(), chosen.pose)
     return nearer if len(chosen.candidates) > 1 else replace(nearer, candidates=(nearer.pose,))
 
 

@@ -88,12 +88,6 @@ class LinePoints:
     def __len__(self) -> int:
         return len(self.pixels)
 
-    @property
-    def floor_per_px2(self) -> FloatArray:
-        """(N,) float64: area of floor that a pixel shows, m^2."""
-        per_px = self.floor_per_px
-        return np.asarray(np.abs(per_px[:, 0, 0] * per_px[:, 1, 1] - per_px[:, 0, 1] * per_px[:, 1, 0]))
-
     def take(self, chosen: npt.NDArray[np.generic]) -> LinePoints:
         """Return the points at these indices, or where this mask is true."""
         return LinePoints(

@@ -22,7 +22,7 @@ from robocup_vision.camera import OmniCamera
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.evidence import LINE_STATES, OUTLINE_STATES, Likelihoods, LineEvidence
 from robocup_vision.localization.floor import OutlineFitter
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 from robocup_vision.localization.localizer import FrameEvidence
 from robocup_vision.localization.methods import choose_method
 from robocup_vision.localization.outline_model import OutlineFit

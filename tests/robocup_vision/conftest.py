@@ -5,7 +5,7 @@ import pytest
 
 from field_models import load_field
 from robocup_vision.camera import OmniCamera, Tangent
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 from sim2d.rendering.cameras import sekimori_camera
 from sim2d.rendering.random_scenes import CONDITIONS, sample
 

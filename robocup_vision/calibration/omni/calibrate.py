@@ -136,7 +136,7 @@ def calibrate_omni(
         raise ArgumentError("at least one frame is needed")
     if max_frames < 1:
         raise ArgumentError(f"max_frames must be at least 1, got {max_frames}")
-    if not field.is_bounded and not len(field.lines) + len(field.arcs):
+    if not field.is_bounded and not field.has_lines:
         raise ArgumentError(f"field '{field.name}' has neither walls nor lines to calibrate by")
     chosen = sorted({int(i) for i in np.linspace(0, len(frames) - 1, min(max_frames, len(frames))).round()})
     labels = names or [f"frame {index}" for index in range(len(frames))]
@@ -311,11 +311,11 @@ class _Calibration:
         An inaccurate camera seldom gives a pose by the localiser. Wrong poses from lines are rejected later, because
         the frame's points then disagree with the fit.
         """
-        located = []
+        located, by_lines = [], None if self.field.is_bounded else search.by_lines(camera)
         for sighting in sightings:
             pose = sighting.pose
-            if pose is None and not self.field.is_bounded:
-                pose = search.pose_by_lines(camera, sighting)
+            if pose is None and by_lines is not None:
+                pose = by_lines.likeliest_by_points(sighting.line_px)
             if pose is None:
                 self._leave_out(sighting.index, "the robot could not be placed on the field")
             else:

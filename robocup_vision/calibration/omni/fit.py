@@ -35,7 +35,7 @@ from robocup_vision.calibration.least_squares import (
 from robocup_vision.calibration.omni.model import CENTER, TILT, CameraModel
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.kernels.lines.lines import nearest_lines
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 
 # number of parameters of a line's or arc's deviation, see `Fit.paint_m`
 _PAINT_PARAMETERS = 3

@@ -18,12 +18,15 @@ from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.calibration.omni.fit import FieldShape, Fit, JointFit, Points
 from robocup_vision.calibration.omni.model import HORIZON, SCALE, TILT, CameraModel
 from robocup_vision.calibration.starts import StartTrials
+from robocup_vision.camera.downward import downward
 from robocup_vision.camera.omni import OmniCamera
 from robocup_vision.compiling.prepared_kernels import prepare
 from robocup_vision.geometry import Pose2
 from robocup_vision.localization.floor import OutlineFitter
-from robocup_vision.localization.lines.search import search_by_lines
-from robocup_vision.perception.line_points import LineFinder, LinePoints
+from robocup_vision.localization.model_edges.field_edges import lines_only
+from robocup_vision.localization.model_edges.finder import EdgeFinder
+from robocup_vision.localization.model_edges.follower import EdgeFollower
+from robocup_vision.perception.line_points import LineFinder
 from robocup_vision.perception.polar_view import PolarView
 from robocup_vision.vision import Vision
 
@@ -194,23 +197,22 @@ class Search:
                 curves.append(np.clip(vector, *self.bounds))
         return curves
 
-    def pose_by_lines(self, camera: OmniCamera, sighting: Sighting) -> Pose2 | None:
-        """Return the likeliest pose from a frame's lines alone; None if there are too few."""
-        points = LinePoints.from_pixels(camera, sighting.line_px, sighting.line_weight)
-        found = search_by_lines(points, self.shape.line_map, 1)
-        return found[0].pose if found else None
+    def by_lines(self, camera: OmniCamera) -> EdgeFinder | None:
+        """Return a finder of poses by points on lines for a camera; None without lines."""
+        field = self.shape.field
+        return EdgeFinder(EdgeFollower(lines_only(field), downward(camera))) if field.has_lines else None
 
     def poses(self, camera: OmniCamera, sightings: Sequence[Sighting], polar: PolarView) -> FloatArray | None:
         """Return the robot's pose (F, 3) in every frame for a camera; None if one of them is not found."""
-        fitter = None
+        fitter, by_lines = None, self.by_lines(camera)
         if self.shape.field.is_bounded:
             seen_from = dataclasses.replace(camera, center_px=polar.camera.center_px, tilt_rad=(0.0, 0.0))
             fitter = OutlineFitter(self.shape.field, seen_from, polar)
         poses = []
         for sighting in sightings:
             pose = None if fitter is None else fitter.likeliest(sighting.radius_px)
-            if pose is None:
-                pose = self.pose_by_lines(camera, sighting)
+            if pose is None and by_lines is not None:
+                pose = by_lines.likeliest_by_points(sighting.line_px)
             if pose is None:
                 return None
             poses.append(pose.array)

@@ -1,4 +1,4 @@
-"""A forward camera's lens in compiled code: slopes to distorted slopes, with derivatives, and pixels back to slopes.
+"""A camera's lens or mirror in compiled code: slopes to distorted slopes, with derivatives, and pixels back to slopes.
 
 A lens is one row of numbers for all models, written by `camera.lens_table`. Its radial part is a table over the cosine
 of the angle off the axis, of g = (image radius) / sin(angle), which is smooth for every model, also on the axis.
@@ -18,9 +18,11 @@ BENT, P1, P2, MAX_SLOPE2, WIDE, TALL = 6, 7, 8, 9, 10, 11
 # cosine at which the table begins, cells for each unit of cosine, and cells of the inverse for each unit of squared
 # image radius
 LOWEST_COSINE, PER_COSINE, PER_RADIUS2 = 12, 13, 14
+# rotation from the camera's axes to those of its mounting, by rows: tilt and roll are of the mounting
+MOUNT = 15
 # a cell of the table holds a cubic of g; a cell of the inverse holds cubics of cosine and of sin(angle) / (image
 # radius)
-FORWARD, CELLS, INVERSE_CELLS = 15, 64, 128
+FORWARD, CELLS, INVERSE_CELLS = 24, 64, 128
 INVERSE = FORWARD + 4 * CELLS
 LENGTH = INVERSE + 8 * INVERSE_CELLS
 
@@ -47,6 +49,15 @@ def distorted(lens: FloatArray, a: float, b: float) -> tuple[float, float, float
     xb = 2.0 * a * b * df + 2.0 * p1 * a + 2.0 * p2 * b
     yb = f + 2.0 * b * b * df + 6.0 * p1 * b + 2.0 * p2 * a
     return x, y, xa, xb, xb, yb
+
+
+@compiled(fastmath=True, error_model="numpy")
+def is_in_lens(lens: FloatArray, u: float, v: float) -> bool:
+    """Whether a pixel lies in the circle that the lens fills, as far as its slopes are useful."""
+    if lens[BENT] == 0.0:
+        return True
+    x, y = (u - lens[2]) / lens[0], (v - lens[3]) / lens[1]
+    return bool((x * x + y * y) * lens[PER_RADIUS2] <= INVERSE_CELLS)
 
 
 @compiled(fastmath=True, error_model="numpy")

@@ -27,8 +27,8 @@ class Alignment(NamedTuple):
 
     Parameters
     ----------
-    slopes : (N, 2) float64
-        Line points: components of their rays to the left and upwards, divided by that along the optical axis.
+    rays : (N, 3) float64
+        Unit vectors to the line points, ahead, left and up along the axes of the mounting.
     tilt_rad, roll_rad, height_m : float
         Tilt, roll and height of the camera at rest.
     std : (5,) float64
@@ -39,15 +39,15 @@ class Alignment(NamedTuple):
         Scale of the robust weight in each step; the last one is that of the score too.
     uprights : (S, 8) float64
         Beacons and posts, see `sightings.sightings`; bearings and sizes are residuals like those of line points.
-    ends : (E, 2) float64
-        Where the carpet ends, in the form of `slopes`: at the feet of walls, or of what stands before them.
+    ends : (E, 3) float64
+        Where the carpet ends, in the form of `rays`: at the feet of walls, or of what stands before them.
     walls_m : (R, C) float32
         Distances from the walls' feet, in the form of `Bank.distance_m`.
     end_weight : float
         Weight of an end of the carpet, in line points.
     """
 
-    slopes: FloatArray
+    rays: FloatArray
     tilt_rad: float
     roll_rad: float
     height_m: float
@@ -62,7 +62,7 @@ class Alignment(NamedTuple):
 
 @compiled(fastmath=True, error_model="numpy")
 def _weigh_points(
-    slopes: FloatArray,
+    rays: FloatArray,
     distance_m: Float32Array,
     grid: tuple[float, float, float],
     camera: tuple[float, float, float, float],
@@ -78,7 +78,7 @@ def _weigh_points(
 
     Parameters
     ----------
-    slopes : (N, 2) float64
+    rays : (N, 3) float64
         See `Alignment`.
     distance_m : (R, C) float32
         Distances from the nearest line, or wall.
@@ -107,11 +107,11 @@ def _weigh_points(
     s00, s10, s11, s20, s21, s22, s30, s31 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     s32, s33, s40, s41, s42, s43, s44 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     t0, t1, t2, t3, t4 = 0.0, 0.0, 0.0, 0.0, 0.0
-    for n in range(slopes.shape[0]):
-        a, b = slopes[n, 0], slopes[n, 1]
+    for n in range(rays.shape[0]):
+        forward, a, b = rays[n, 0], rays[n, 1], rays[n, 2]
         left = cr * a - sr * b
         over = sr * a + cr * b
-        ahead, up = ct - st * over, st + ct * over
+        ahead, up = ct * forward - st * over, st * forward + ct * over
         if up > -0.01:
             total += one_weight * far2 / (1.0 + far2)
             continue
@@ -221,7 +221,7 @@ def _work_arrays() -> tuple[FloatArray, FloatArray, FloatArray]:
 def _advance(
     bank: Bank,
     how: Alignment,
-    slopes: FloatArray,
+    rays: FloatArray,
     start: FloatArray,
     gate_px: float,
     moves: bool,
@@ -240,7 +240,7 @@ def _advance(
         system[i, i] = 1.0 / (how.std[i] * how.std[i])
         step[i] = -at * system[i, i]
     cost = 0.5 * ((pose[3] / how.std[3]) ** 2 + (pose[4] / how.std[4]) ** 2)
-    cost += _weigh_points(slopes, bank.distance_m, grid, camera, pose, gate2, 1.0, system, step)
+    cost += _weigh_points(rays, bank.distance_m, grid, camera, pose, gate2, 1.0, system, step)
     if how.ends.shape[0]:
         cost += _weigh_points(how.ends, how.walls_m, grid, camera, pose, gate2, how.end_weight, system, step)
     for n in range(how.uprights.shape[0]):
@@ -303,13 +303,13 @@ def align_poses(
     for iteration in range(iterations + 1):
         gate_px = how.gates_px[min(iteration, iterations - 1)]
         # every other point is enough for the first step, as their order is random
-        slopes = how.slopes[: (how.slopes.shape[0] + 1) // 2] if iteration == 0 else how.slopes
+        rays = how.rays[: (how.rays.shape[0] + 1) // 2] if iteration == 0 else how.rays
         is_halved = 0 < iteration < iterations and left > likely
         number = 0
         for m in range(count):
             if costs[m] == DROPPED:
                 continue
-            costs[m] = _advance(bank, how, slopes, starts[m], gate_px, iteration < iterations, work, poses[m])
+            costs[m] = _advance(bank, how, rays, starts[m], gate_px, iteration < iterations, work, poses[m])
             order[number] = costs[m]
             number += 1
         if is_halved:
@@ -321,8 +321,8 @@ def align_poses(
                     costs[m] = DROPPED
 
 
-def slopes_of(rows: FloatArray, tilt_rad: float, roll_rad: float, height_m: float) -> FloatArray:
-    """Return the slopes (N, 2) of `Alignment` of line points at places on the floor.
+def rays_to(rows: FloatArray, tilt_rad: float, roll_rad: float, height_m: float) -> FloatArray:
+    """Return the unit rays (N, 3) of `Alignment` to line points at places on the floor.
 
     Parameters
     ----------
@@ -332,6 +332,7 @@ def slopes_of(rows: FloatArray, tilt_rad: float, roll_rad: float, height_m: floa
         Tilt, roll and height of the camera by which the places were computed.
     """
     ct, st, cr, sr = math.cos(tilt_rad), math.sin(tilt_rad), math.cos(roll_rad), math.sin(roll_rad)
-    depth = ct * rows[:, 0] - st * height_m
-    left, over = rows[:, 1], -st * rows[:, 0] - ct * height_m
-    return np.ascontiguousarray(np.stack([(cr * left + sr * over) / depth, (cr * over - sr * left) / depth], axis=1))
+    x, y = rows[:, 0], rows[:, 1]
+    over = -st * x - ct * height_m
+    rays = np.stack([ct * x - st * height_m, cr * y + sr * over, cr * over - sr * y], axis=1)
+    return np.ascontiguousarray(rays / np.sqrt((rays**2).sum(axis=1, keepdims=True)))

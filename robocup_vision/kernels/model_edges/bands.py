@@ -14,7 +14,7 @@ from robocup_vision.arrays import FloatArray, Int64Array, UInt8Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.lens import BENT
 from robocup_vision.kernels.model_edges.carpet import is_carpet, is_carpet_at, other_light
-from robocup_vision.kernels.model_edges.prediction import on_floor, pose_frame
+from robocup_vision.kernels.model_edges.prediction import FRAME, on_floor, pose_frame
 
 ONE, TWO = np.uintp(1), np.uintp(2)
 FLANK = 3  # distance in pixels from a band at which the carpet shows without blur
@@ -234,6 +234,6 @@ def line_points(
     points : (P, 3) float64
         Result: pixels u, v, and 1 if a row was read, 0 if a column.
     """
-    frame = np.empty(16)
+    frame = np.empty(FRAME)
     pose_frame(p, lens, frame)
     return _scan(image, carpet, look, 0, lens, frame, points)

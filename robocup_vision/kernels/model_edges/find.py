@@ -13,7 +13,7 @@ import numpy as np
 from robocup_vision.arrays import Float32Array, FloatArray, Int64Array
 from robocup_vision.compiling.loops import compiled, variable
 from robocup_vision.kernels.algebra.distinct import pick_distinct
-from robocup_vision.kernels.model_edges.prediction import on_floor, pose_frame
+from robocup_vision.kernels.model_edges.prediction import FRAME, on_floor, pose_frame
 
 FIRST_POINTS = 14
 _SAMPLED = 31  # every 31st score is read to estimate a bound on the best ones
@@ -58,7 +58,7 @@ def floor_places(
     stride = max(1, int(0.381966 * count))
     while count > 0 and stride > 1 and math.gcd(stride, count) != 1:
         stride -= 1
-    frame = np.empty(16)
+    frame = np.empty(FRAME)
     pose_frame(np.array((0.0, 0.0, 0.0, tilt, roll, height_m, 0.0)), lens, frame)
     at = 0
     for _ in range(count):

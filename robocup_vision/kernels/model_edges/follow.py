@@ -11,6 +11,7 @@ from robocup_vision.kernels.algebra.cholesky import factor
 from robocup_vision.kernels.model_edges.bands import LineLook, line_points
 from robocup_vision.kernels.model_edges.carpet import carpet_look, other_light
 from robocup_vision.kernels.model_edges.posterior import covariance_with_prior, pose_alone, position_std
+from robocup_vision.kernels.model_edges.prediction import horizon_row
 from robocup_vision.kernels.model_edges.refine import looked_for, moved, propose, refine
 from robocup_vision.kernels.model_edges.tables import (
     FOUND,
@@ -147,7 +148,7 @@ def _follow(
     for i in range(fit.figures.shape[0]):
         fit.figures[i] = 0.0
     if not knows_carpet:
-        carpet_look(image, int(scene.lens[3] + scene.lens[1] * math.tan(prior.mean[3])), fit.carpet)
+        carpet_look(image, int(horizon_row(scene.lens, prior.mean[3], prior.mean[4])), fit.carpet)
     light = brightness(fit.carpet)
     # choosing the best mode alone is faster, and most frames need no other
     modes = np.zeros((1, UNKNOWNS))

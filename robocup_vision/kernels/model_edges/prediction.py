@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from robocup_vision.compiling.loops import compiled, variable
-from robocup_vision.kernels.algebra.lens import BENT, MAX_SLOPE2, TALL, WIDE, distorted, slopes_at
+from robocup_vision.kernels.algebra.lens import BENT, MAX_SLOPE2, MOUNT, TALL, WIDE, distorted, is_in_lens, slopes_at
 from robocup_vision.kernels.algebra.pinhole import camera_axes
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
@@ -27,20 +27,34 @@ NEAR_M = 0.05
 MIN_DOWN = 0.02  # least downward component of a ray to the floor: what is nearer to the horizon is not used
 RING_POINTS = 5
 THIN_PX = 4.0
-# least radius of curvature of a sampled curve in the picture: three times what is read on both sides of a thin line
-MIN_RADIUS_PX = 12.0
+# least radius of curvature of a sampled curve in the picture: three times what is read on both sides of a thin line;
+# where a lens bends the picture, normals turn sooner: over the 5 pixels of a search a curve leaves its tangent by less
+# than half a pixel
+MIN_RADIUS_PX, MIN_BENT_RADIUS_PX = 12.0, 30.0
 # steps along a curve: over a part that is not sampled, and the greatest
 ARC_STEP_RAD, MAX_ARC_STEP_RAD = 0.06, 0.25
+BEND_STEP = 0.01  # of slopes, by which the bend of a lens is differenced
+# numbers of a camera at a pose, see `pose_frame`
+FRAME = 19
+# least component upwards of the axis that is up in the picture, by which a horizon is sought
+_MIN_UP = 1e-3
 Triple = tuple[float, float, float]
 
 
 @compiled(fastmath=True, error_model="numpy")
 def pose_frame(p: FloatArray, lens: FloatArray, frame: FloatArray) -> None:
-    """Fill in frame (16,): rotation by rows, viewpoint, focal lengths, sine and cosine of the heading."""
+    """Fill in frame (FRAME,).
+
+    It holds the camera's axes by rows, viewpoint, focal lengths, sine and cosine of the heading, and the axis about
+    which the mounting rolls.
+    """
     rows = camera_axes(p[2], p[3], p[4])
     for i in range(3):
         for j in range(3):
-            frame[3 * i + j] = rows[i][j]
+            frame[3 * i + j] = (
+                rows[i][0] * lens[MOUNT + j] + rows[i][1] * lens[MOUNT + 3 + j] + rows[i][2] * lens[MOUNT + 6 + j]
+            )
+        frame[16 + i] = rows[i][0]
     frame[9], frame[10], frame[11] = p[0], p[1], p[5]
     scale = math.exp(p[6])
     frame[12], frame[13] = lens[0] * scale, lens[1] * scale
@@ -66,10 +80,18 @@ def on_floor(lens: FloatArray, frame: FloatArray, u: float, v: float) -> tuple[f
     The point is relative to the camera's foot, along the field's axes. `frame` is as `pose_frame` fills it.
     """
     x, y, up = ray(lens, frame, u, v)
-    if up > -MIN_DOWN:
+    if up > -MIN_DOWN or not is_in_lens(lens, u, v):
         return 0.0, 0.0, False
     scale = -frame[11] / up
     return x * scale, y * scale, True
+
+
+@compiled(fastmath=True, error_model="numpy")
+def horizon_row(lens: FloatArray, tilt: float, roll: float) -> float:
+    """Return the row at which the middle column begins to show the floor; below 0 where it shows nothing else."""
+    frame = np.empty(FRAME)
+    pose_frame(np.array((0.0, 0.0, 0.0, tilt, roll, 1.0, 0.0)), lens, frame)
+    return float(lens[3] + lens[1] * frame[6] / max(frame[8], _MIN_UP))
 
 
 @compiled(fastmath=True, error_model="numpy", inline="always")
@@ -143,7 +165,8 @@ def _emit(
     s, c = frame[14], frame[15]
     by_heading = jx * dy - jy * dx
     by_tilt = (jx * c + jy * s) * dz - jz * (s * dy + c * dx)
-    by_roll = j1 * up - j2 * left
+    ahead, aside, above = frame[16], frame[17], frame[18]
+    by_roll = jx * (above * dy - aside * dz) + jy * (ahead * dz - above * dx) + jz * (aside * dx - ahead * dy)
     by_focal = nu * (u - lens[2]) + nv * (v - lens[3])
     # a narrow line is a ridge; a wide one has two edges, each with its own inside
     for k in range(2 if is_wide else 1):
@@ -154,10 +177,10 @@ def _emit(
         if is_wide:
             # the near edge of a line lies half a width against the direction of its inside
             half = 0.5 * width_m * sign
-            ahead = depth - half * inside[0]
-            if ahead < NEAR_M:
+            away = depth - half * inside[0]
+            if away < NEAR_M:
                 continue
-            across, down = (half * inside[1] - left) / ahead, (half * inside[2] - up) / ahead
+            across, down = (half * inside[1] - left) / away, (half * inside[2] - up) / away
             across, down, _, _, _, _ = distorted(lens, across, down)
             eu, ev = lens[2] + frame[12] * across, lens[3] + frame[13] * down
             if not (eu >= 2.0 and ev >= 2.0 and eu <= lens[4] - 3.0 and ev <= lens[5] - 3.0):
@@ -289,7 +312,7 @@ def _silhouettes(field: FieldEdges, frame: FloatArray, rows: FloatArray, count: 
         away2 = dx * dx + da * da
         if away2 < 2.25 * radius * radius:
             continue
-        if not is_level and dx * frame[15] + da * frame[14] < -radius:
+        if not is_level and dx * frame[0] + da * frame[3] < -radius:
             continue
         away = math.sqrt(away2)
         sine = radius / away
@@ -319,6 +342,36 @@ def _silhouettes(field: FieldEdges, frame: FloatArray, rows: FloatArray, count: 
 
 
 @compiled(fastmath=True, error_model="numpy")
+def _bend(
+    lens: FloatArray,
+    fu: float,
+    fv: float,
+    at: tuple[float, float],
+    first: tuple[float, float],
+    second: tuple[float, float],
+) -> tuple[float, float]:
+    """Return the length (pixels) that a curve covers for each unit of its parameter, and its radius of curvature.
+
+    `at` are the place's slopes to the left and upwards, `first` and `second` their derivatives by the parameter.
+    """
+    (a, b), (a1, b1), (a2, b2) = at, first, second
+    _, _, xa, xb, ya, yb = distorted(lens, -a, -b)
+    u1, v1 = fu * (xa * a1 + xb * b1), fv * (ya * a1 + yb * b1)
+    u2, v2 = fu * (xa * a2 + xb * b2), fv * (ya * a2 + yb * b2)
+    if lens[BENT] != 0.0:
+        # the lens bends what is straight
+        step = BEND_STEP / math.sqrt(a1 * a1 + b1 * b1 + 1e-12)
+        _, _, pa, pb, qa, qb = distorted(lens, -a - step * a1, -b - step * b1)
+        _, _, ra, rb, sa, sb = distorted(lens, -a + step * a1, -b + step * b1)
+        half = 0.5 / step
+        u2 += fu * half * ((pa - ra) * a1 + (pb - rb) * b1)
+        v2 += fv * half * ((qa - sa) * a1 + (qb - sb) * b1)
+    speed2 = u1 * u1 + v1 * v1
+    speed_px = math.sqrt(speed2)
+    return speed_px, speed_px * speed2 / max(abs(u1 * v2 - u2 * v1), 1e-12)
+
+
+@compiled(fastmath=True, error_model="numpy")
 def _arcs(
     field: FieldEdges,
     lens: FloatArray,
@@ -334,6 +387,7 @@ def _arcs(
     A curve is not sampled where it bends so sharply that its profile differs from that of a straight line.
     """
     row, arcs, fu, fv = rows[n], field.arcs, frame[12], frame[13]
+    least_px = MIN_RADIUS_PX if lens[BENT] == 0.0 else MIN_BENT_RADIUS_PX
     row[8], row[12], row[13] = 0.0, ON_FLOOR, 1.0
     for m in range(arcs.shape[0]):
         radius, direction = arcs[m, 2], math.copysign(1.0, arcs[m, 4])
@@ -356,10 +410,8 @@ def _arcs(
                     a1, b1 = (l1 - a * d1) * inv, (u1 - b * d1) * inv
                     a2 = (-out_l - 2.0 * a1 * d1 + a * out_d) * inv
                     b2 = (-out_u - 2.0 * b1 * d1 + b * out_d) * inv
-                    _, _, xa, xb, ya, yb = distorted(lens, -a, -b)
-                    speed2 = (fu * (xa * a1 + xb * b1)) ** 2 + (fv * (ya * a1 + yb * b1)) ** 2
-                    speed_px = math.sqrt(speed2)
-                    is_straight = speed_px * speed2 >= MIN_RADIUS_PX * fu * fv * abs(a1 * b2 - a2 * b1)
+                    speed_px, radius_px = _bend(lens, fu, fv, (a, b), (a1, b1), (a2, b2))
+                    is_straight = radius_px >= least_px
             if not is_straight:
                 angle, remaining_px = angle + ARC_STEP_RAD, 0.0
                 continue
@@ -417,7 +469,7 @@ def predict(field: FieldEdges, lens: FloatArray, p: FloatArray, spacing_px: floa
     out : Samples
         Result; samples beyond its size are left out.
     """
-    frame = np.empty(16)
+    frame = np.empty(FRAME)
     pose_frame(p, lens, frame)
     straight = field.segments.shape[0]
     upright = 2 * (field.cylinders.shape[0] + field.bars.shape[0]) + field.corners.shape[0]

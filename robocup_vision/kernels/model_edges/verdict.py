@@ -8,7 +8,7 @@ import numpy as np
 
 from robocup_vision.compiling.loops import compiled
 from robocup_vision.kernels.model_edges.carpet import is_carpet_at
-from robocup_vision.kernels.model_edges.prediction import pose_frame, ray
+from robocup_vision.kernels.model_edges.prediction import FRAME, pose_frame, ray
 from robocup_vision.kernels.model_edges.tables import (
     EDGE,
     FOUND,
@@ -129,7 +129,7 @@ def explained(
     """
     points, samples, rows = buffers.points, buffers.samples, buffers.rows
     on_lines, neutral = 0, 0
-    frame = np.empty(16)
+    frame = np.empty(FRAME)
     pose_frame(p, lens, frame)
     for m in range(number):
         u, v = points[m, 0], points[m, 1]

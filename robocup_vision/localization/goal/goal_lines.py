@@ -26,7 +26,7 @@ from robocup_vision.localization.goal.edges import from_ideal
 from robocup_vision.localization.goal.fit import GoalModel, covariance_of, fit_samples, sample_residuals
 from robocup_vision.localization.goal.geometry import EDGES, HEADING, X, Y
 from robocup_vision.localization.goal.search import Candidate
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 
 _SPACING_PX = 6.0  # between places on a line
 # lines that look narrower are left out; those thinner than a pixel are averaged along themselves

@@ -15,7 +15,7 @@ from robocup_vision.localization.goal.goal_lines import CERTAIN_M
 from robocup_vision.localization.goal.half_goal import find_half_goal
 from robocup_vision.localization.goal.search import GoalSearch
 from robocup_vision.localization.goal.verdict import GoalVerdict
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 
 
 class GoalPoseEstimator:
@@ -42,7 +42,7 @@ class GoalPoseEstimator:
         self._search = GoalSearch(field, camera)
         if not self._search.families:
             raise ArgumentError(f"the goals of field '{field.name}' have no hue; GoalLocalizer takes white ones")
-        line_map = LineMap(field) if use_lines and len(field.lines) + len(field.arcs) else None
+        line_map = LineMap(field) if use_lines and field.has_lines else None
         self._verdict = GoalVerdict(self._search, line_map)
 
     def locate(self, frame: UInt8Array, prior: Pose2 | None = None) -> PoseEstimate | NotLocated:

@@ -20,7 +20,7 @@ from robocup_vision.localization.goal.goal_lines import CERTAIN_M, SAME_M, GoalL
 from robocup_vision.localization.goal.goal_picture import GoalPicture
 from robocup_vision.localization.goal.profile import polish
 from robocup_vision.localization.goal.search import Candidate, GoalSearch
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 
 _MAX_CANDIDATES = 6  # candidates that are fitted together with lines, the likeliest first
 # log-likelihood ratio from which a goal is accepted. Rendered half goals and boxes reach 230, whole goals in heavy

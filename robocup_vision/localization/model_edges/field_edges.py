@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,6 +22,11 @@ _MIN_WHITE = 150.0
 _PLAIN_STEP = 0.5
 # sides of boxes: longer than any camera sees, and flatter than any pixel
 _FAR_M, _FLAT_M = 1000.0, 1e-6
+
+
+def lines_only(field: Field) -> Field:
+    """Return a field without all that stands on it or bounds it."""
+    return replace(field, goals=(), beacons=(), boundary="carpet")
 
 
 def field_edges(field: Field, lines_end_m: float = math.inf) -> FieldEdges:

@@ -15,9 +15,10 @@ from field_models.field import Field
 from robocup_vision.arrays import FloatArray, UInt8Array
 from robocup_vision.estimates import NotLocated, PoseEstimate
 from robocup_vision.geometry import Pose2, wrap_angle
-from robocup_vision.kernels.model_edges.align import DROPPED, Alignment, align_poses, slopes_of
+from robocup_vision.kernels.model_edges.align import DROPPED, Alignment, align_poses, rays_to
 from robocup_vision.kernels.model_edges.carpet import carpet_ends
 from robocup_vision.kernels.model_edges.find import best_poses, floor_places, score_bank
+from robocup_vision.kernels.model_edges.prediction import horizon_row
 from robocup_vision.kernels.model_edges.sightings import (
     MAX_SIGHTINGS,
     NOD_RAD,
@@ -212,7 +213,7 @@ class EdgeFinder:
     def _clues(self, frame: UInt8Array, tilt_rad: float) -> Clues:
         """Find the clues of a frame at a tilt of the camera."""
         follower, camera = self.follower, self.follower.camera
-        horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(tilt_rad)
+        horizon = horizon_row(follower.lens, tilt_rad, self._rest_rad[1])
         count = follower.find_line_points(frame, tilt_rad, self._rest_rad[1], self._points)
         level = Horizon(horizon, camera.height_m, NOD_RAD * camera.focal_px[1])
         many = sightings(frame, follower.lens, level, self._half_view_rad, self._uprights, self._sightings)
@@ -239,7 +240,7 @@ class EdgeFinder:
             self._scores += s.end_weight * self._end_scores
         kept = best_poses(bank, self._rows, number, self._scores, s.scored, _APART.m, _APART.rad, self._starts)
         alignment = Alignment(
-            slopes_of(self._rows[:number], tilt, roll, height_m),
+            rays_to(self._rows[:number], tilt, roll, height_m),
             tilt,
             roll,
             height_m,
@@ -247,7 +248,7 @@ class EdgeFinder:
             self._pixel_rad,
             self._gates_px,
             clues.uprights,
-            slopes_of(self._end_rows[:ends], tilt, roll, height_m),
+            rays_to(self._end_rows[:ends], tilt, roll, height_m),
             walls.distance_m,
             s.end_weight,
         )
@@ -261,6 +262,12 @@ class EdgeFinder:
         costs += 0.5 * (((tilt + nod - rest) / self._rest_std_rad[0]) ** 2 - (nod / alignment.std[3]) ** 2)
         is_aligned = costs < 0.5 * DROPPED
         return np.column_stack([poses[is_aligned] + (0.0, 0.0, 0.0, tilt, roll), costs[is_aligned]])
+
+    def likeliest_by_points(self, pixels: FloatArray) -> TiltedPose | None:
+        """Return the pose at which points on lines (N, 2), pixels, agree best with the field; None with too few."""
+        points = np.column_stack([pixels, np.zeros(len(pixels))])
+        poses = self._likeliest(self._aligned_at(self._rest_rad[0], Clues(points, _NO_ENDS, self._sightings[:0])))
+        return poses[0] if poses else None
 
     def _first_apart(self, poses: Sequence[_AnyPose], count: int) -> list[_AnyPose]:
         """Return the first distinct poses, at most `count`."""
@@ -355,12 +362,11 @@ class EdgeFinder:
         self._is_same_frame = False
         proposals = list(proposals)
         if not proposals:
-            camera = follower.camera
-            horizon = camera.center_px[1] + camera.focal_px[1] * math.tan(camera.tilt_rad or 0.0)
-            return [], (
-                "no lines, goals or beacons stand out in this frame"
-                f" (the tilt puts the horizon at row {horizon:.0f} of {camera.size_px[1]})"
-            )
+            horizon = horizon_row(follower.lens, *self._rest_rad)
+            reason = "no lines, goals or beacons stand out in this frame"
+            if horizon > 0.0:
+                reason += f" (the tilt puts the horizon at row {horizon:.0f} of {follower.camera.size_px[1]})"
+            return [], reason
         places = self._places(frame, proposals, near)
         equivalents = [equivalent for pose in places[: s.repeated] for equivalent in self._corner_equivalents(pose)]
         places = self._first_apart([*places, *equivalents], len(places) + len(equivalents))

@@ -26,6 +26,7 @@ from robocup_vision.kernels.model_edges.bands import MAX_WIDTHS, LineLook, line_
 from robocup_vision.kernels.model_edges.carpet import CARPET, LIT_CARPET, carpet_look
 from robocup_vision.kernels.model_edges.follow import MODES, brightness, follow, prepare
 from robocup_vision.kernels.model_edges.posterior import frame_alone
+from robocup_vision.kernels.model_edges.prediction import horizon_row
 from robocup_vision.kernels.model_edges.tables import (
     FOUND,
     HEIGHT,
@@ -157,7 +158,7 @@ class EdgeFollower:
         self._telling = telling_features(self.edges) if field.shows_half else None
         self.lens = lens_table(camera)
         self.numbers = self.settings.for_width(camera.size_px[0], field.line_width_m)
-        if not len(field.lines) + len(field.arcs):
+        if not field.has_lines:
             self.numbers = self.numbers._replace(point_stride=_NEVER)
         # for a search's proposal, and a prior that earlier frames support, the search is not widened: edges farther
         # away belong to another pose, or to clutter
@@ -289,7 +290,7 @@ class EdgeFollower:
         Writes `points` (P, 3) as `kernels.model_edges.bands.line_points` does, and returns their number.
         """
         camera, numbers, carpet, unknowns = self.camera, self.numbers, np.zeros(CARPET), np.zeros(UNKNOWNS)
-        carpet_look(frame, int(camera.center_px[1] + camera.focal_px[1] * math.tan(tilt_rad)), carpet)
+        carpet_look(frame, int(horizon_row(self.lens, tilt_rad, roll_rad)), carpet)
         unknowns[TILT], unknowns[ROLL], unknowns[HEIGHT] = tilt_rad, roll_rad, camera.height_m
         usual = float(self.edges.channels[0, 3]) * brightness(carpet)
         step = max(0.5 * numbers.min_ratio * usual, 5 * float(carpet[3]))
@@ -305,11 +306,9 @@ class EdgeFollower:
     def _widths_px(self, points: FloatArray, tilt_rad: float, roll_rad: float) -> FloatArray:
         """Return a line's width (N,) in pixels at points (N, 3) of `line_points`, along the row or column read."""
         camera = self.camera.with_orientation(0.0, tilt_rad, roll_rad)
-        range2 = ((camera.pixel_to_floor(points[:, :2]) - camera.viewpoint_m[:2]) ** 2).sum(axis=1)
-        away = np.sqrt(range2 + camera.height_m**2)
-        by_row = points[:, 2] > 0.0
-        angle = self.numbers.line_width_m / away * np.where(by_row, 1.0, camera.height_m / away)
-        return np.asarray(np.where(by_row, camera.focal_px[0], camera.focal_px[1]) * np.nan_to_num(angle))
+        half_px = 0.5 * np.where(points[:, 2:] > 0.0, (1.0, 0.0), (0.0, 1.0))
+        across_m = camera.pixel_to_floor(points[:, :2] + half_px) - camera.pixel_to_floor(points[:, :2] - half_px)
+        return np.asarray(np.nan_to_num(self.numbers.line_width_m / np.sqrt((across_m**2).sum(axis=1))))
 
     def _show_paint(self, ratio: float) -> None:
         """Set the expected step from carpet to white paint, relative to that of the nominal colours."""

@@ -20,6 +20,7 @@ from robocup_vision.localization.forward import GoalLocalizer, WhiteGoals
 from robocup_vision.localization.localizer import FrameEvidence, Localization
 from robocup_vision.localization.model_edges.finder import EdgeFinder, for_walled_fields
 from robocup_vision.localization.model_edges.follower import ODDS_MEMORY_S, EdgeFollower, FollowedCamera, FollowerState
+from robocup_vision.localization.model_edges.settings import EdgeSettings
 from robocup_vision.perception.goal_region import hue_families
 
 # edge points, or a function that makes them
@@ -51,8 +52,9 @@ class EdgeLocalizer:
         self,
         field: Field,
         camera: PinholeCamera,
+        settings: EdgeSettings = EdgeSettings(),
     ) -> None:
-        self.follower = EdgeFollower(field, camera)
+        self.follower = EdgeFollower(field, camera, settings)
         # followers of reduced copies, by the factor of reduction
         self._copies: dict[int, EdgeFollower] = {}
         self._finder: EdgeFinder | None = None

@@ -18,7 +18,7 @@ from robocup_vision.localization.evidence import (
     load_evidence,
     odds_text,
 )
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 from robocup_vision.perception.polar_view import PolarView
 
 PACKAGED = Path(module.__file__).with_name("evidence.toml")

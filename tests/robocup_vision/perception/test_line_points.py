@@ -10,7 +10,7 @@ import pytest
 from field_models import ArgumentError, load_field
 from robocup_vision.camera import OmniCamera, Tangent
 from robocup_vision.geometry import Pose2
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 from robocup_vision.perception.line_points import LineFinder, LinePoints
 
 FIELD = load_field("msl_6x4")

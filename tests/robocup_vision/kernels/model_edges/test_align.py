@@ -22,18 +22,17 @@ DISTANCE_M = np.minimum.reduce(
     [np.hypot(np.maximum(_X - X_M, 0.0), _Y - Y_M)]
     + [np.hypot(_X - x_m, np.maximum(_Y - Y_M, 0.0)) for x_m in (X_M, NEARER_X_M)]
 ).astype(np.float32)
-NOTHING_M, NONE = np.full_like(DISTANCE_M, 9.0), np.zeros((0, 2))
+NOTHING_M, NONE = np.full_like(DISTANCE_M, 9.0), np.zeros((0, 3))
 GATES_PX = np.array([20.0, 10.0, 5.0, 3.0, 3.0])
 
 
-def seen_slopes(count: int) -> FloatArray:
-    """Return what the true camera sees of the borders: left and up of its axis, over the depth."""
+def seen_rays(count: int) -> FloatArray:
+    """Return the rays (N, 3) by which the true camera sees the borders: ahead, left and up along its axes."""
     away = np.linspace(0.0, 0.8, count // 3)
     along = [(X_M - away, 0 * away + Y_M), (0 * away + X_M, Y_M - away), (0 * away + NEARER_X_M, Y_M - away)]
     places = np.hstack(along).T
     pixels = CAMERA.floor_to_pixel(TRUTH.inverse().transform(places))
-    slopes = -(pixels - CAMERA.center_px) / CAMERA.focal_px
-    return np.ascontiguousarray(np.random.default_rng(4).permutation(slopes))
+    return np.ascontiguousarray(np.random.default_rng(4).permutation(CAMERA.pixel_to_camera_ray(pixels)))
 
 
 def aligned(
@@ -51,7 +50,7 @@ def aligned(
 
 @pytest.mark.parametrize("as_ends", [False, True])
 def test_lines_and_walls_lead_to_the_pose_within_a_cell(as_ends: bool) -> None:
-    rng, seen = np.random.default_rng(1), seen_slopes(60)
+    rng, seen = np.random.default_rng(1), seen_rays(60)
     off = rng.uniform(-1.0, 1.0, (12, 3)) * (0.1, 0.1, 0.05)
     elsewhere = TRUTH.array + np.array([(-0.9, -0.7, 0.5)])
     starts = np.vstack([TRUTH.array + off, elsewhere])
@@ -63,7 +62,7 @@ def test_lines_and_walls_lead_to_the_pose_within_a_cell(as_ends: bool) -> None:
 
 
 def test_the_weight_of_an_end_is_how_often_it_counts() -> None:
-    starts, seen = TRUTH.array + np.array([(0.08, -0.06, 0.03)]), seen_slopes(30)
+    starts, seen = TRUTH.array + np.array([(0.08, -0.06, 0.03)]), seen_rays(30)
     once, once_cost = aligned(starts, NONE, seen, weight=3.0)
     thrice, thrice_cost = aligned(starts, NONE, np.vstack([seen] * 3))
     np.testing.assert_allclose(once, thrice, atol=1e-9)
@@ -71,7 +70,7 @@ def test_the_weight_of_an_end_is_how_often_it_counts() -> None:
 
 
 def test_dropping_the_worst_changes_no_other_pose() -> None:
-    rng, seen = np.random.default_rng(6), seen_slopes(30)
+    rng, seen = np.random.default_rng(6), seen_rays(30)
     far = rng.uniform((-0.9, -0.9, -3.0), (2.0, 1.6, 3.0), (39, 3))
     starts = np.vstack([TRUTH.array + np.array((0.06, -0.05, 0.03)), far])
     every, every_costs = aligned(starts, seen, seen)

@@ -9,7 +9,7 @@ from robocup_vision.camera.lens_table import lens_table
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.model_edges.bands import MAX_WIDTHS, LineLook, line_bands, line_points
 from robocup_vision.kernels.model_edges.carpet import carpet_look
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 from sim2d.rendering.pinhole import render_pinhole
 from sim2d.rendering.scene import Scene
 

@@ -18,7 +18,7 @@ from robocup_vision.localization.goal.goal_lines import CLUTTER_RATIO, Marks, al
 from robocup_vision.localization.goal.pose_estimator import GoalPoseEstimator
 from robocup_vision.localization.goal.search import GoalSearch
 from robocup_vision.localization.goal.verdict import with_spread
-from robocup_vision.localization.lines.line_map import LineMap
+from robocup_vision.localization.line_map import LineMap
 from sim2d.rendering.goal.scenes import GOAL_CONDITIONS, NEGATIVE_VIEWS, paper_places, sample_goal
 
 FIELD = load_field("four_legged_2007")

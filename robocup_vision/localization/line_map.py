@@ -13,7 +13,6 @@ from robocup_vision.arrays import FloatArray, UInt8Array, read_only
 from robocup_vision.geometry import Pose2
 from robocup_vision.kernels.lines.lines import DistanceTable, nearest_lines
 from robocup_vision.kernels.lines.rough_distances import count_marks_near_lines
-from robocup_vision.perception.line_points import LinePoints
 
 # cell of the distance table, smaller than the step of a coarse search; distance at which the table is truncated, and
 # its value there
@@ -68,29 +67,3 @@ class LineMap:
         return int(
             count_marks_near_lines(marks, mark, floor_m, near_m, at, self.lines, self.arcs, self.distances, _TRUNCATE_M)
         )
-
-    def within_reach(self, points: LinePoints) -> LinePoints:
-        """Return the line points that are no farther off than the floor is long, from corner to corner."""
-        return points.take(np.hypot(*points.floor_m.T) <= np.hypot(*(self.extent_m[1] - self.extent_m[0])))
-
-    @cached_property
-    def lines_per_m(self) -> float:
-        """Length of the field's lines and arcs on a square metre of floor, 1/m."""
-        straight = np.hypot(*(self.lines[:, 2:] - self.lines[:, :2]).T).sum()
-        bent = np.abs(self.arcs[:, 2] * self.arcs[:, 4]).sum()
-        return float((straight + bent) / np.prod(self.extent_m[1] - self.extent_m[0]))
-
-    def counts(self, points_m: FloatArray, is_on_line: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-        """Return which line points (N,) are evidence about a pose: those on a line or within `extent_m`.
-
-        The points (N, 2) are in the field frame at the pose, metres. Others may be people and shelves around the field.
-        """
-        low, high = self.extent_m
-        within: npt.NDArray[np.bool_] = ((points_m >= low) & (points_m <= high)).all(axis=1)
-        return is_on_line | within
-
-    @cached_property
-    def is_point_symmetric(self) -> bool:
-        """Whether the lines are the same after a half turn about the field's centre."""
-        points = self.field.line_points(0.05)
-        return bool(np.all(self.nearest(-points).distance_m < 1e-6))

@@ -1,1 +1,0 @@
-"""Localisation of a camera by the painted field lines."""
