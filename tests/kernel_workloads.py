@@ -170,8 +170,7 @@ def pinhole(method: str, seed: int = 1, count: int = 12) -> Workload:
         camera, frames = walk_frames(seed, count, field)
     visions = [Vision(field, camera, method=method)]
     if method == "edges":
-        by_lines = Vision(load_field("msl_6x4"), camera)
-        visions += [by_lines, Vision(load_field("ssl_division_b"), camera)]
+        visions.append(Vision(load_field("ssl_division_b"), camera))
         visions.append(Vision(field, replace(camera, roll_std_rad=None, height_std_m=0.0)))
     if method == "goal":
         # white goals, and lines by which the tilt is told
@@ -196,7 +195,9 @@ def pinhole(method: str, seed: int = 1, count: int = 12) -> Workload:
             vision.look(frame, pan_rad=0.3)
     for frame, _ in frames:
         visions[0].forget()
-        visions[0].look(frame)
+        view = visions[0].look(frame)
+        if method == "goal":
+            _ = view.markings
     look_at(Vision(field, camera, visions[0].colors, method=method), frames)
     if method == "edges":
         shown, places = {0: frames[0][0], 1: frames[1][0]}, {0: frames[0][1], 1: frames[1][1]}

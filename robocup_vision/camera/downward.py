@@ -7,7 +7,7 @@ are those of the robot's body.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -36,9 +36,12 @@ class DownwardCamera(FisheyeCamera):
     ----------
     mirror : OmniCamera
         The camera that this is.
+    unit_px : float
+        Pixels of the mirror's picture to a radian, on average; the curve is given in these.
     """
 
     mirror: OmniCamera = field(kw_only=True)
+    unit_px: float = field(kw_only=True)
     _sloping_rad = _WIDEST_RAD
 
     @cached_property
@@ -51,23 +54,8 @@ class DownwardCamera(FisheyeCamera):
         return read_only(mirror.camera_to_robot @ down)
 
     @cached_property
-    def camera_to_robot(self) -> FloatArray:
-        """See `PinholeCamera.camera_to_robot`."""
-        return read_only(camera_rotation(self.pan_rad or 0.0, self.tilt_rad or 0.0, self.roll_rad or 0.0) @ self.mount)
-
-    @cached_property
     def _curve(self) -> tuple[FloatArray, FloatArray]:
-        """Image radii that the mirror's curve maps to the floor, px, and the angles of their rays off the axis."""
-        radius = np.linspace(0.0, self.mirror.usable_radius_px[1], _RADII)
-        q = self.mirror.floor_range.inverse_range_per_m(radius)
-        shows_floor = np.isfinite(q) & (q > 0.0)
-        return radius[shows_floor], np.arctan2(1.0, q[shows_floor] * _height_m(self.mirror))
-
-    @cached_property
-    def unit_px(self) -> float:
-        """Pixels of the mirror's picture to a radian, on average; the curve is given in these."""
-        radius, angle = self._curve
-        return float(radius[-1] / angle[-1])
+        return _curve(self.mirror)
 
     @property
     def widest_rad(self) -> float:
@@ -78,31 +66,36 @@ class DownwardCamera(FisheyeCamera):
         """See `FisheyeCamera.image_radius`. Where the curve begins later it goes straight on to the axis."""
         radius, angle = self._curve
         at = np.asarray(angle_rad, dtype=np.float64)
-        q = 1.0 / (np.tan(np.maximum(at, angle[0])) * _height_m(self.mirror))
+        q = 1.0 / (np.tan(np.maximum(at, angle[0])) * self.mirror.viewpoint_m[2])
         px = np.where(at < angle[0], radius[0] * at / angle[0], self.mirror.floor_range.radius_px(q))
         return np.asarray(px / self.unit_px)
 
 
-def _height_m(mirror: OmniCamera) -> float:
-    """Height of the viewpoint; where it is unknown any value is valid, see `OmniCamera.pixel_to_ray`."""
-    return 1.0 if mirror.height_m is None else mirror.height_m
+def _curve(mirror: OmniCamera) -> tuple[FloatArray, FloatArray]:
+    """Return image radii that the mirror's curve maps to the floor, px, and the angles of their rays off the axis."""
+    radius = np.linspace(0.0, mirror.usable_radius_px[1], _RADII)
+    q = mirror.floor_range.inverse_range_per_m(radius)
+    shows_floor = np.isfinite(q) & (q > 0.0)
+    return radius[shows_floor], np.arctan2(1.0, q[shows_floor] * mirror.viewpoint_m[2])
 
 
 def downward(mirror: OmniCamera) -> DownwardCamera:
     """Return a mirror camera as one that looks straight down."""
-    camera = DownwardCamera(
+    radius, angle = _curve(mirror)
+    unit_px, height_m = float(radius[-1] / angle[-1]), float(mirror.viewpoint_m[2])
+    return DownwardCamera(
         size_px=mirror.size_px,
-        focal_px=(1.0, 1.0),
+        focal_px=(unit_px, unit_px),
         center_px=mirror.center_px,
-        height_m=_height_m(mirror),
+        height_m=height_m,
         offset_m=mirror.offset_m,
         pan_rad=0.0,
         tilt_rad=0.0,
         roll_rad=0.0,
-        height_std_m=_HEIGHT_STD_RATIO * _height_m(mirror),
+        height_std_m=_HEIGHT_STD_RATIO * height_m,
+        focal_std_px=_RADIUS_STD_RATIO * unit_px,
         roll_std_rad=_LEAN_STD_RAD,
         usable_radius_px=mirror.usable_radius_px,
         mirror=mirror,
+        unit_px=unit_px,
     )
-    unit_px = camera.unit_px
-    return replace(camera, focal_px=(unit_px, unit_px), focal_std_px=_RADIUS_STD_RATIO * unit_px)

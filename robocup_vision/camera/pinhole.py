@@ -271,7 +271,7 @@ class PinholeCamera:
         """
         if self.tilt_rad is None:
             raise ArgumentError("the camera's tilt_rad is unknown, so its pixels have no place on the robot's floor")
-        return read_only(camera_rotation(self.pan_rad or 0.0, self.tilt_rad, self.roll_rad or 0.0))
+        return read_only(camera_rotation(self.pan_rad or 0.0, self.tilt_rad, self.roll_rad or 0.0) @ self.mount)
 
     @property
     def viewpoint_m(self) -> FloatArray:

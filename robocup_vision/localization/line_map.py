@@ -35,9 +35,6 @@ class LineMap:
         self.field = field
         self.lines = read_only(np.ascontiguousarray(field.lines))
         self.arcs = read_only(np.ascontiguousarray(field.arcs))
-        corners = field.floor_polygon
-        #: (2, 2) float64: least and greatest x, y of the floor, on which a robot may be, metres
-        self.extent_m = np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     @cached_property
     def distances(self) -> DistanceTable:

@@ -25,6 +25,8 @@ from robocup_vision.perception.polar_view import PolarView
 
 # lines all around a robot are many, and the picture of each is small: all their samples count
 ALL_SAMPLES = EdgeSettings(ample_samples=math.inf)
+# returns an estimate without its prior
+_Measured = Callable[[], PoseEstimate]
 
 
 class MirrorLocalizer:
@@ -76,8 +78,10 @@ class MirrorLocalizer:
         """
         estimate, wall_px, alone = self._by_outline(evidence, prior)
         if isinstance(estimate, NotLocated) and self._lines is not None:
-            estimate, alone = self._by_lines(self._lines, evidence, prior, estimate)
-            wall_px = None
+            refusal, wall_px = estimate.reason, None
+            estimate, alone = self._by_lines(self._lines, evidence, prior)
+            if isinstance(estimate, NotLocated) and refusal:
+                estimate = NotLocated(f"{refusal}; by lines: {estimate.reason}")
         if isinstance(estimate, NotLocated):
             return Localization(estimate, evidence.camera)
         assert evidence.table is not None
@@ -96,24 +100,22 @@ class MirrorLocalizer:
         is_open = estimate and _is_open(estimate, self._outline.settings.sliding_std_m)
         if estimate and is_open and self._lines is not None:
             # the outline of a leaning body may not determine one direction, which lines may
-            near, measured = self._by_lines(self._lines, evidence._replace(may_search=False), prior, NotLocated(""))
+            near, measured = self._by_lines(self._lines, evidence._replace(may_search=False), prior)
             if near and near.std[:2].max() < estimate.std[:2].max():
                 return near, None, measured
         return estimate, answer.wall_px, None if alone is None else lambda: alone
 
     def _by_lines(
-        self,
-        lines: EdgeLocalizer,
-        evidence: FrameEvidence,
-        prior: PoseEstimate | Pose2 | None,
-        refusal: NotLocated,
+        self, lines: EdgeLocalizer, evidence: FrameEvidence, prior: PoseEstimate | Pose2 | None
     ) -> tuple[PoseEstimate | NotLocated, _Measured | None]:
-        """Return the pose by lines alone, after the outline has been rejected, and its measurement."""
+        """Return the pose by lines alone, unless the outline contradicts it, and its measurement."""
         found = lines.locate(evidence._replace(camera=self._downward), prior)
         pose, measured = found.pose, found.measurement
-        conflict = pose.reason if isinstance(pose, NotLocated) else self._conflict(pose.pose, found.camera, evidence)
-        if conflict is not None or not pose:
-            return NotLocated(f"{refusal.reason}; by lines: {conflict}" if refusal.reason else str(conflict)), None
+        if isinstance(pose, NotLocated):
+            return pose, None
+        conflict = self._conflict(pose.pose, found.camera, evidence)
+        if conflict is not None:
+            return NotLocated(conflict), None
         if found.tells_half or measured is None:
             return pose, measured
         return in_both_halves(pose, pose_of(prior)), lambda: in_both_halves(measured())
@@ -131,10 +133,6 @@ class MirrorLocalizer:
         assert isinstance(camera, DownwardCamera)
         tally = self._outline.weigh_pose(pose, camera, evidence.edge_px, evidence.floor_column)
         return tally.reason(tally.log_odds) if tally.log_odds < 0.0 else None
-
-
-# returns an estimate without its prior
-_Measured = Callable[[], PoseEstimate]
 
 
 def _in_half_of(measured: _Measured, chosen: PoseEstimate) -> PoseEstimate:

@@ -197,21 +197,22 @@ class Search:
                 curves.append(np.clip(vector, *self.bounds))
         return curves
 
-    def by_lines(self, camera: OmniCamera) -> EdgeFinder | None:
-        """Return a finder of poses by points on lines for a camera; None without lines."""
-        field = self.shape.field
-        return EdgeFinder(EdgeFollower(lines_only(field), downward(camera))) if field.has_lines else None
+    def by_lines(self, camera: OmniCamera) -> EdgeFinder:
+        """Return a finder of poses by points on lines for a camera; the field must have lines."""
+        return EdgeFinder(EdgeFollower(lines_only(self.shape.field), downward(camera)))
 
     def poses(self, camera: OmniCamera, sightings: Sequence[Sighting], polar: PolarView) -> FloatArray | None:
         """Return the robot's pose (F, 3) in every frame for a camera; None if one of them is not found."""
-        fitter, by_lines = None, self.by_lines(camera)
+        fitter: OutlineFitter | None = None
+        by_lines: EdgeFinder | None = None
         if self.shape.field.is_bounded:
             seen_from = dataclasses.replace(camera, center_px=polar.camera.center_px, tilt_rad=(0.0, 0.0))
             fitter = OutlineFitter(self.shape.field, seen_from, polar)
         poses = []
         for sighting in sightings:
             pose = None if fitter is None else fitter.likeliest(sighting.radius_px)
-            if pose is None and by_lines is not None:
+            if pose is None and self.shape.field.has_lines:
+                by_lines = by_lines or self.by_lines(camera)
                 pose = by_lines.likeliest_by_points(sighting.line_px)
             if pose is None:
                 return None

@@ -17,6 +17,7 @@ from robocup_vision.kernels.model_edges.tables import (
     FOUND,
     UNKNOWNS,
     Buffers,
+    EdgeScene,
     FieldEdges,
     Findings,
     Fit,
@@ -24,7 +25,6 @@ from robocup_vision.kernels.model_edges.tables import (
     FollowSettings,
     Prior,
     Samples,
-    Scene,
     UInt8Array,
 )
 from robocup_vision.kernels.model_edges.verdict import explained, judge, log_odds, log_std
@@ -92,7 +92,7 @@ def prepare(
 @compiled(fastmath=True, error_model="numpy")
 def follow(
     image: UInt8Array,
-    scene: Scene,
+    scene: EdgeScene,
     prior: Prior,
     settings: FollowSettings,
     buffers: Buffers,
@@ -107,7 +107,7 @@ def follow(
     image : (H, W, 3) uint8
         BGR.
     scene, prior, settings
-        See `Scene`, `Prior` and `FollowSettings`. All named tuples may be plain tuples.
+        See `EdgeScene`, `Prior` and `FollowSettings`. All named tuples may be plain tuples.
     buffers : Buffers
         Scratch; contains the fit's samples, findings and line points afterwards.
     fit : Fit
@@ -123,7 +123,7 @@ def follow(
     )
     return _follow(
         image,
-        Scene(edges, scene[1], scene[2]),
+        EdgeScene(edges, scene[1], scene[2]),
         Prior(*prior),
         FollowSettings(*settings),
         own_buffers,
@@ -136,7 +136,7 @@ def follow(
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def _follow(
     image: UInt8Array,
-    scene: Scene,
+    scene: EdgeScene,
     prior: Prior,
     settings: FollowSettings,
     buffers: Buffers,
@@ -191,7 +191,7 @@ def _follow(
 @compiled(fastmath=True, error_model="numpy")
 def _assess(
     image: UInt8Array,
-    scene: Scene,
+    scene: EdgeScene,
     prior: Prior,
     settings: FollowSettings,
     spacing_px: float,

@@ -11,10 +11,10 @@ from robocup_vision.kernels.model_edges.search import reaches, search, whiten
 from robocup_vision.kernels.model_edges.tables import (
     UNKNOWNS,
     Buffers,
+    EdgeScene,
     FloatArray,
     FollowSettings,
     Prior,
-    Scene,
     UInt8Array,
 )
 
@@ -46,7 +46,7 @@ def looked_for(buffers: Buffers, count: int) -> int:
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def propose(
     image: UInt8Array,
-    scene: Scene,
+    scene: EdgeScene,
     prior: Prior,
     settings: FollowSettings,
     buffers: Buffers,
@@ -88,7 +88,7 @@ def propose(
 @compiled(fastmath=True, error_model="numpy", inline="always")
 def refine(
     image: UInt8Array,
-    scene: Scene,
+    scene: EdgeScene,
     prior: Prior,
     settings: FollowSettings,
     spacing_px: float,

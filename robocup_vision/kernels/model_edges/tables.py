@@ -219,7 +219,7 @@ class Buffers(NamedTuple):
     gradient: FloatArray
 
 
-class Scene(NamedTuple):
+class EdgeScene(NamedTuple):
     """What stays from frame to frame.
 
     Parameters

@@ -34,10 +34,10 @@ from robocup_vision.kernels.model_edges.tables import (
     TILT,
     UNKNOWNS,
     UNSEEN,
+    EdgeScene,
     FieldEdges,
     Fit,
     Prior,
-    Scene,
     empty_buffers,
 )
 from robocup_vision.localization.model_edges.evidence import MIN_INLIERS, Evidence, weigh
@@ -165,7 +165,7 @@ class EdgeFollower:
         near = self.numbers._replace(bent_ratio=0.0)
         self._wide_numbers, self._near_numbers = plain((self.numbers, near))
         draws = np.random.default_rng(20261122).random((_HYPOTHESES, 6))
-        self._scene = Scene(self.edges, self.lens, draws)
+        self._scene = EdgeScene(self.edges, self.lens, draws)
         self._buffers = empty_buffers(_MAX_SAMPLES, _MAX_POINTS)
         self._fit = Fit(
             np.zeros(UNKNOWNS),
@@ -307,7 +307,7 @@ class EdgeFollower:
         """Return a line's width (N,) in pixels at points (N, 3) of `line_points`, along the row or column read."""
         camera = self.camera.with_orientation(0.0, tilt_rad, roll_rad)
         half_px = 0.5 * np.where(points[:, 2:] > 0.0, (1.0, 0.0), (0.0, 1.0))
-        across_m = camera.pixel_to_floor(points[:, :2] + half_px) - camera.pixel_to_floor(points[:, :2] - half_px)
+        across_m = np.subtract(*camera.pixel_to_floor(points[:, :2] + np.stack([half_px, -half_px])))
         return np.asarray(np.nan_to_num(self.numbers.line_width_m / np.sqrt((across_m**2).sum(axis=1))))
 
     def _show_paint(self, ratio: float) -> None:

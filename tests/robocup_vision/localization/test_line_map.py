@@ -20,4 +20,5 @@ def test_stepping_back_along_the_normal_reaches_the_line(point):
 
 
 def test_robots_may_stand_wherever_the_floor_surely_reaches():
-    np.testing.assert_allclose(MAP.extent_m, [[-3.3, -2.3], [3.3, 2.3]])
+    corners = MAP.field.floor_polygon
+    np.testing.assert_allclose([corners.min(axis=0), corners.max(axis=0)], [[-3.3, -2.3], [3.3, 2.3]])

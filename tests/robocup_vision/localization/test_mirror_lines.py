@@ -160,7 +160,7 @@ def test_the_followed_pose_is_the_searched_one(frame):
     followed = looked(LARGE, camera, frame, prior=near(Pose2(5.4, -2.1, 0.75)))
     assert followed.pose.error_to(TRUTH)[0] < 0.05
     # of the two poses of a symmetric field the one that is expected comes first
-    assert min(pose.error_to(followed.pose)[0] for pose in searched.candidates) < 0.03
+    assert min(pose.error_to(followed.pose)[0] for pose in searched.candidates) < 0.005
     assert len(followed.candidates) == 2
 
 
@@ -201,8 +201,13 @@ def test_hand_selected_line_pixels_agree_with_the_pose_of_the_first_photograph()
 @pytest.mark.parametrize(
     ("folder", "name", "truth", "max_m"),
     [
-        # its camera file and its known pose are good to some centimetres
-        ("omni_msl_table", "d175.png", None, 0.07),
+        pytest.param(
+            "omni_msl_table",
+            "d175.png",
+            None,
+            0.05,
+            marks=pytest.mark.xfail(reason="5.3 cm: the curve of its camera file is not exact", strict=True),
+        ),
         ("omni_msl_lab", "log4.png", Pose2(-0.51, 0.01, math.radians(89.7)), 0.05),
     ],
 )
@@ -216,8 +221,11 @@ def test_photographs_with_legs_and_a_room_in_view_are_located(folder, name, trut
     assert pose.error_to(truth, symmetric=True)[0] < max_m
 
 
-@pytest.mark.skipif(not (REAL / "omni_junior").exists(), reason="the photographs are not here")
-def test_photographs_of_a_field_that_its_file_hardly_describes_are_not_located_wrongly():
+@pytest.fixture(scope="module")
+def junior_errors_m():
+    """Return how far off each photograph of a carpet with hands, cables and robots is located; None where it is not."""
+    if not (REAL / "omni_junior").exists():
+        pytest.skip("the photographs are not here")
     field, camera = load_field(DATA / "omni_junior_field.toml"), load_camera(DATA / "omni_junior_camera.toml")
     poses = {
         "frame11.jpg": Pose2(0.16, -0.37, -3.0),
@@ -225,6 +233,17 @@ def test_photographs_of_a_field_that_its_file_hardly_describes_are_not_located_w
         "frame7.jpg": Pose2(0.42, -0.39, -0.14),
         "frame9.jpg": Pose2(0.40, 0.23, 3.10),
     }
-    answers = {name: looked(field, camera, cv2.imread(str(REAL / "omni_junior" / "images" / name))) for name in poses}
-    for name, answer in answers.items():
-        assert not answer or answer.pose.error_to(poses[name], symmetric=True)[0] < 0.05
+    errors_m = []
+    for name, truth in poses.items():
+        answer = looked(field, camera, cv2.imread(str(REAL / "omni_junior" / "images" / name)))
+        errors_m.append(answer.pose.error_to(truth, symmetric=True)[0] if answer else None)
+    return errors_m
+
+
+def test_photographs_of_a_field_that_its_file_hardly_describes_are_not_located_wrongly(junior_errors_m):
+    assert all(error_m is None or error_m < 0.05 for error_m in junior_errors_m)
+
+
+@pytest.mark.xfail(reason="their lines lie tens of pixels beside field and camera file", strict=True)
+def test_photographs_of_a_carpet_with_hands_cables_and_robots_are_located(junior_errors_m):
+    assert len([error_m for error_m in junior_errors_m if error_m is not None]) >= 2

@@ -171,9 +171,9 @@ TRUTH = ("World", "WorldState", "RobotState", "RobotBody", "BallBody", "Arena", 
 
 
 def is_truth(thing):
-    name, module = type(thing).__name__, type(thing).__module__
-    is_named = name in TRUTH and module.startswith("sim2d")
-    return is_named or module.startswith(("pymunk", "sim2d.world.physics", "sim2d.world.world"))
+    return type(thing).__name__ in TRUTH or type(thing).__module__.startswith(
+        ("pymunk", "sim2d.world.physics", "sim2d.world.world")
+    )
 
 
 @pytest.mark.parametrize("player", [Reckoner, BuiltInPlayer])
